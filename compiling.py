@@ -1,11 +1,14 @@
-"""How Cellwright is built: by setuptools, with a C compiler that the build brings where the machine has none.
+"""How Cellwright is built: by setuptools, with a C compiler that the build brings where the machine
+has none.
 
-This is the build backend (PEP 517) and what `setup.py` needs. Compiled is every module that has its types beside it, in a
-`.pxd` file. `CELLWRIGHT_COMPILER` may name the compiler: `system`, `zig` or `none`; the build fails if the one it names
-does not work. If it names none, the first that works is taken, and without any the modules stay plain Python.
+This is the build backend (PEP 517) and what `setup.py` needs. Compiled is every module that has its
+types beside it, in a `.pxd` file. `CELLWRIGHT_COMPILER` may name the compiler: `system`, `zig` or
+`none`; the build fails if the one it names does not work. If it names none, the first that works is
+taken, and without any the modules stay plain Python.
 
-What was compiled is kept in the user's cache folder under a hash of all that it depends on, so that the next checkout with
-the same source has it at once. `CELLWRIGHT_CACHE` names another folder, or `none`.
+What was compiled is kept in the user's cache folder under a hash of all that it depends on, so that
+the next checkout with the same source has it at once. `CELLWRIGHT_CACHE` names another folder, or
+`none`.
 """
 
 import contextlib
@@ -49,17 +52,25 @@ __all__ = [
 ]
 
 COMPILERS = ("system", "zig")
-# What Cython adds to every module that takes arrays: compiled once, in a module of its own, it takes a third of the time.
+# What Cython adds to every module that takes arrays: compiled once, in a module of its own, it
+# takes a third of the time.
 SHARED = "cellwright.engine.kernels.shared"
 POSIX = os.name == "posix"
-# The same figures on every processor: no multiplication and addition in one rounding, no instruction that only some have.
-# A sum that is too large wraps around, as NumPy's do. Nothing reads `errno` after a square root.
-FLAGS = ["-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-fno-math-errno"] if POSIX else ["/O2", "/fp:precise"]
+# The same figures on every processor: no multiplication and addition in one rounding, no
+# instruction that only some have. A sum that is too large wraps around, as NumPy's do. Nothing
+# reads `errno` after a square root.
+FLAGS = (
+    ["-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-fno-math-errno"]
+    if POSIX
+    else ["/O2", "/fp:precise"]
+)
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
-# What Zig compiles for a Linux with the GNU library runs on all that NumPy runs on. Debian keeps a part of Python's headers apart.
+# What Zig compiles for a Linux with the GNU library runs on all that NumPy runs on. Debian keeps a
+# part of Python's headers apart.
 GNU = ["-target", f"{platform.machine()}-linux-gnu.2.28", "-idirafter", "/usr/include"]
 MOST = 400  # modules that are kept of earlier builds, some 60 MB
-LINKED = {"darwin": ["-undefined", "dynamic_lookup"]}  # Python itself is linked when it loads the module
+# Python itself is linked when it loads the module
+LINKED = {"darwin": ["-undefined", "dynamic_lookup"]}
 TRIAL = """#include <Python.h>
 static PyModuleDef trial = {PyModuleDef_HEAD_INIT, "trial"};
 PyMODINIT_FUNC PyInit_trial(void) { return PyModule_Create(&trial); }
@@ -67,7 +78,9 @@ PyMODINIT_FUNC PyInit_trial(void) { return PyModule_Create(&trial); }
 
 
 def get_requires_for_build_wheel(_settings: Any = None) -> list[str]:
-    """What a wheel needs to be built, beside what pyproject.toml names: a compiler, if there is none."""
+    """What a wheel needs to be built, beside what pyproject.toml names: a compiler, if there is
+    none.
+    """
     named = os.environ.get("CELLWRIGHT_COMPILER")
     lacking = POSIX and not named and not works("system")
     return ["ziglang"] if named == "zig" or lacking else []
@@ -78,7 +91,9 @@ get_requires_for_build_editable = get_requires_for_build_wheel
 
 @functools.cache
 def compiler() -> str:
-    """The compiler that is used: `system`, `zig` or `none`. Exits where one is named that does not work."""
+    """The compiler that is used: `system`, `zig` or `none`. Exits where one is named that does
+    not work.
+    """
     named = os.environ.get("CELLWRIGHT_COMPILER")
     if named == "none":
         return named
@@ -89,12 +104,17 @@ def compiler() -> str:
             return each
     if named:
         sys.exit(f"CELLWRIGHT_COMPILER={named}: it compiles no module that Python loads")
-    print("No C compiler works here: the kernels stay plain Python, which is slow.", file=sys.stderr)
+    print(
+        "No C compiler works here: the kernels stay plain Python, which is slow.", file=sys.stderr
+    )
     return "none"
 
 
 def kernels() -> list[Extension]:
-    """The modules to compile; none without a compiler. One that fails is left out, unless the compiler is named."""
+    """The modules to compile; none without a compiler.
+
+    One that fails is left out, unless the compiler is named.
+    """
     if compiler() == "none":
         return []
     found = sorted(Path("cellwright", "engine").rglob("*.pxd"))
@@ -102,16 +122,26 @@ def kernels() -> list[Extension]:
 
 
 def _kernel(types: Path) -> Extension:
-    """The module beside a file of types. It may have files of C, too, whose names begin with its own and end in `.h`."""
-    name, headers = ".".join(types.with_suffix("").parts), sorted(types.parent.glob(f"{types.stem}*.h"))
+    """The module beside a file of types.
+
+    It may have files of C, too, whose names begin with its own and end in `.h`.
+    """
+    name, headers = (
+        ".".join(types.with_suffix("").parts),
+        sorted(types.parent.glob(f"{types.stem}*.h")),
+    )
     sources, depends = [types.with_suffix(".py").as_posix()], [types.as_posix()]
     if not headers:
         return _extension(name, sources, depends)
     written_out = ["-O3"] if POSIX else []  # its loops over a few vectors are better written out
-    return _extension(name, sources, [*depends, *(each.as_posix() for each in headers)], written_out)
+    return _extension(
+        name, sources, [*depends, *(each.as_posix() for each in headers)], written_out
+    )
 
 
-def _extension(name: str, sources: list[str], depends: list[str], flags: Sequence[str] = ()) -> Extension:
+def _extension(
+    name: str, sources: list[str], depends: list[str], flags: Sequence[str] = ()
+) -> Extension:
     return Extension(
         name,
         sources,
@@ -132,7 +162,9 @@ class Build(build_ext):
         """Build all that is not kept from an earlier build."""
         every, folder = self.extensions, None if self.using else cache()
         kept = _kept(folder, every) if folder else {}
-        self.extensions = [each for each in every if not _restored(kept.get(each.name), self._made(each))]
+        self.extensions = [
+            each for each in every if not _restored(kept.get(each.name), self._made(each))
+        ]
         # What is kept must come from these sources, whatever the times of the files say.
         self.force = self.force or bool(kept)
         self._compile()
@@ -162,7 +194,9 @@ class Build(build_ext):
 
 
 def cache() -> Path | None:
-    """The folder of what earlier builds compiled; None if there shall be none or it cannot be made."""
+    """The folder of what earlier builds compiled; None if there shall be none or it cannot be
+    made.
+    """
     named = os.environ.get("CELLWRIGHT_CACHE")
     if named == "none":
         return None
@@ -176,9 +210,13 @@ def cache() -> Path | None:
 
 
 def _kept(folder: Path, extensions: list[Extension]) -> dict[str, Path]:
-    """Where each module is kept: under a hash of its source, of all types, of this build and of what compiles it."""
+    """Where each module is kept: under a hash of its source, of all types, of this build and of
+    what compiles it.
+    """
     types = sorted(
-        file for ending in ("pxd", "h") for file in Path("cellwright", "engine").rglob(f"*.{ending}")
+        file
+        for ending in ("pxd", "h")
+        for file in Path("cellwright", "engine").rglob(f"*.{ending}")
     )
     common = hashlib.sha256(repr(_tools()).encode())
     for each in [Path(__file__), *types]:
@@ -186,21 +224,37 @@ def _kept(folder: Path, extensions: list[Extension]) -> dict[str, Path]:
     found = {}
     for extension in extensions:
         own = common.copy()
-        own.update(repr((extension.name, [Path(name).read_bytes() for name in extension.sources])).encode())
-        found[extension.name] = folder / f"{own.hexdigest()}{sysconfig.get_config_var('EXT_SUFFIX')}"
+        own.update(
+            repr((extension.name, [Path(name).read_bytes() for name in extension.sources])).encode()
+        )
+        found[extension.name] = (
+            folder / f"{own.hexdigest()}{sysconfig.get_config_var('EXT_SUFFIX')}"
+        )
     return found
 
 
 def _tools() -> list[object]:
-    """What compiles: Python, Cython, the compiler with its version, and what the environment tells it."""
+    """What compiles: Python, Cython, the compiler with its version, and what the environment
+    tells it.
+    """
     named = os.environ.get("CC") or sysconfig.get_config_var("CC") or ""
     command = ZIG if compiler() == "zig" else str(named).split()
     said = (
-        subprocess.run([*command, "--version"], capture_output=True, check=False).stdout if command else b""
+        subprocess.run([*command, "--version"], capture_output=True, check=False).stdout
+        if command
+        else b""
     )
     told = [os.environ.get(name) for name in ("CC", "CFLAGS", "CPPFLAGS", "LDFLAGS", "LDSHARED")]
     cython = importlib.metadata.version("cython")
-    return [sys.version, platform.platform(), sysconfig.get_config_var("CFLAGS"), cython, command, said, told]
+    return [
+        sys.version,
+        platform.platform(),
+        sysconfig.get_config_var("CFLAGS"),
+        cython,
+        command,
+        said,
+        told,
+    ]
 
 
 def _restored(kept: Path | None, made: Path) -> bool:
@@ -215,7 +269,10 @@ def _restored(kept: Path | None, made: Path) -> bool:
 
 
 def _keep(made: Path, kept: Path) -> None:
-    """Keep a module for later builds, and no more of them than `MOST`. A full disk keeps nothing."""
+    """Keep a module for later builds, and no more of them than `MOST`.
+
+    A full disk keeps nothing.
+    """
     with contextlib.suppress(OSError):
         _put(made, kept)
         oldest_last = sorted(kept.parent.iterdir(), key=lambda each: -each.stat().st_mtime)
@@ -231,7 +288,9 @@ def _put(source: Path, target: Path) -> None:
 
 def _translate(extensions: list[Extension], force: bool) -> None:
     """Replace Python by the C that Cython makes of it, where it is not made yet."""
-    untranslated = [each for each in extensions if not each.sources or each.sources[0].endswith(".py")]
+    untranslated = [
+        each for each in extensions if not each.sources or each.sources[0].endswith(".py")
+    ]
     if untranslated:
         from Cython.Build import cythonize
 

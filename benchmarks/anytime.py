@@ -1,9 +1,10 @@
-"""Cheaper plans as long as there is time: `plan --anytime` and Fast Downward's `lama`, both ended after the same time of the clock.
+"""Cheaper plans as long as there is time: `plan --anytime` and Fast Downward's `lama`, both ended
+after the same time of the clock.
 
     python benchmarks/anytime.py [--peers PYTHON] [--data DIR] [--levels 1-4] [--seconds 30] [--only TEXT] [--json FILE]
 
-Tasks and peers are those of `planning.py`. Every plan goes through our checker. A task that only one of the two solves counts for neither
-sum of costs.
+Tasks and peers are those of `planning.py`. Every plan goes through our checker. A task that only
+one of the two solves counts for neither sum of costs.
 """
 
 import argparse
@@ -44,7 +45,9 @@ def cost(folder: Path, plan: Path) -> float | None:
     except (InvalidInput, OSError):
         return None
     return (
-        None if checked_plan.check_plan(task.problem, made) else float(Fraction(made.cost, task.unit_of_cost))
+        None
+        if checked_plan.check_plan(task.problem, made)
+        else float(Fraction(made.cost, task.unit_of_cost))
     )
 
 
@@ -56,12 +59,18 @@ def of_ours(task: Instance, place: Path, seconds: float) -> float | None:
 
 
 def of_lama(task: Instance, place: Path, seconds: float, python: str) -> float | None:
-    """The least cost of the plans that `lama` has written when its time is over; None if it is not there."""
+    """The least cost of the plans that `lama` has written when its time is over; None if it is
+    not there.
+    """
     if not python:
         return None
     driver = str(folder_of("up_fast_downward", python) / "downward" / "fast-downward.py")
     files = [str(task.domain), str(task.problem)]
-    output([python, driver, "--alias", "lama", "--plan-file", str(place / "plan"), *files], place, seconds)
+    output(
+        [python, driver, "--alias", "lama", "--plan-file", str(place / "plan"), *files],
+        place,
+        seconds,
+    )
     costs = [cost(task.domain.parent, each) for each in place.glob("plan*")]
     return min((each for each in costs if each is not None), default=None)
 
@@ -70,7 +79,9 @@ def pair(task: Instance, seconds: float, python: str) -> Pair:
     """Both planners on one task, one after the other."""
     with tempfile.TemporaryDirectory() as place, tempfile.TemporaryDirectory() as other:
         return Pair(
-            task.name, of_ours(task, Path(place), seconds), of_lama(task, Path(other), seconds, python)
+            task.name,
+            of_ours(task, Path(place), seconds),
+            of_lama(task, Path(other), seconds, python),
         )
 
 
@@ -81,9 +92,12 @@ def table(pairs: list[Pair]) -> Table:
         made.add_column(column, justify="left" if column == "task" else "right")
     for each in pairs:
         made.add_row(
-            each.task, *(f"{cost:g}" if cost is not None else "-" for cost in (each.ours, each.lama))
+            each.task,
+            *(f"{cost:g}" if cost is not None else "-" for cost in (each.ours, each.lama)),
         )
-    both = [(each.ours, each.lama) for each in pairs if each.ours is not None and each.lama is not None]
+    both = [
+        (each.ours, each.lama) for each in pairs if each.ours is not None and each.lama is not None
+    ]
     sums = [sum(side) for side in zip(*both, strict=True)] or [0.0, 0.0]
     made.add_row("sum", *(f"{each:g}" for each in sums))
     if sums[1]:
@@ -99,7 +113,9 @@ def main() -> int:
     )
     parser.add_argument("--levels", default="1-4")
     parser.add_argument("--seconds", type=float, default=30)
-    parser.add_argument("--peers", default="", help="the Python of an environment with Fast Downward")
+    parser.add_argument(
+        "--peers", default="", help="the Python of an environment with Fast Downward"
+    )
     parser.add_argument("--only", default="", help="tasks whose name has this in it")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
@@ -114,7 +130,9 @@ def main() -> int:
         return 2
     pairs: list[Pair] = []
     for task in wanted:
-        pairs.append(pair(task, arguments.seconds, arguments.peers and str(Path(arguments.peers).absolute())))
+        pairs.append(
+            pair(task, arguments.seconds, arguments.peers and str(Path(arguments.peers).absolute()))
+        )
         print(pairs[-1], file=sys.stderr, flush=True)
     Console(width=None if sys.stdout.isatty() else 160).print(table(pairs))
     if arguments.json:

@@ -1,11 +1,13 @@
-"""What it costs to check a plan, beside what it costs to make it: the bundled problems and the competition tasks.
+"""What it costs to check a plan, beside what it costs to make it: the bundled problems and the
+competition tasks.
 
     python benchmarks/checking.py [--data DIR] [--levels 1-4] [--seconds 60] [--runs 3] [--only TEXT] [--json FILE]
 
-`--data` (else $CELLWRIGHT_DATA) has the folders `pddl`, `pddl-numeric` and `pddl-axioms`, as in `benchmarks/planning.py`. Each
-task is planned by `cellwright plan` in a process of its own, once for each of the runs; medians are told. Both times are
-processor times: that of all calls of the checker, and that of everything else in the process, its start included. The bar for
-each task: its checks take 50 ms at most, or a tenth of all else. Exits with 1 if a task misses it.
+`--data` (else $CELLWRIGHT_DATA) has the folders `pddl`, `pddl-numeric` and `pddl-axioms`, as in
+`benchmarks/planning.py`. Each task is planned by `cellwright plan` in a process of its own, once
+for each of the runs; medians are told. Both times are processor times: that of all calls of the
+checker, and that of everything else in the process, its start included. The bar for each task: its
+checks take 50 ms at most, or a tenth of all else. Exits with 1 if a task misses it.
 """
 
 import argparse
@@ -48,11 +50,16 @@ def works(data: Path, levels: tuple[int, int]) -> Iterator[tuple[str, list[str]]
     for task in (*tasks(data, levels), *numeric_tasks(data)):
         yield task.name, ["--pddl", str(task.domain), str(task.problem)]
     for path in sorted(data.glob("pddl-axioms/*/p*.pddl")):
-        yield f"{path.parent.name}/{path.stem}", ["--pddl", str(path.with_name("domain.pddl")), str(path)]
+        yield (
+            f"{path.parent.name}/{path.stem}",
+            ["--pddl", str(path.with_name("domain.pddl")), str(path)],
+        )
 
 
 def measured(words: Sequence[str], seconds: float) -> tuple[float, float] | None:
-    """Processor seconds of the checks and of all else in one run; None if it has no plan in time."""
+    """Processor seconds of the checks and of all else in one run; None if it has no plan in
+    time.
+    """
     limits = ["--expansions", str(10**9), "--time-limit", str(seconds)]
     with tempfile.TemporaryDirectory() as folder:
         kept = Path(folder, "check")
@@ -71,7 +78,9 @@ def _of_children() -> float:
 
 
 def report(kept: Path, words: list[str]) -> None:
-    """Run a command in this process, and write what its checks took, after each: a command ends the process by itself."""
+    """Run a command in this process, and write what its checks took, after each: a command ends
+    the process by itself.
+    """
     from cellwright.engine.faces.cli import main as command
     from cellwright.engine.pipelines.planning.plan_gate import PlanGate
     from cellwright.kb.model.plan_model import Plan
@@ -134,10 +143,14 @@ def main() -> int:
         told = "" if cost.met else "  MISSED"
         print(f"{name}: check {cost.check:.3f} s, all else {cost.rest:.2f} s{told}", flush=True)
     missed = sum(not each.met for each in found)
-    print(f"{len(found)} tasks, {missed} miss the bar, the longest check {max(e.check for e in found):.3f} s")
+    print(
+        f"{len(found)} tasks, {missed} miss the bar, the longest check "
+        f"{max(e.check for e in found):.3f} s"
+    )
     if asked.json:
         asked.json.write_text(
-            json.dumps([{**asdict(each), "met": each.met} for each in found], indent=1) + "\n", "utf-8"
+            json.dumps([{**asdict(each), "met": each.met} for each in found], indent=1) + "\n",
+            "utf-8",
         )
     return int(missed > 0)
 

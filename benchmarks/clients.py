@@ -1,19 +1,25 @@
-"""A hundred cells that share one library in PostgreSQL: how long lookups take, and whether an update is lost.
+"""A hundred cells that share one library in PostgreSQL: how long lookups take, and whether an
+update is lost.
 
     python benchmarks/clients.py [--clients N] [--seconds S] [--every S] [--macrops N] [--points N] [--warm N]
         [--first] [--json FILE]
 
-Each client is a process with connections of its own. It looks up as `cellwright.plan` does in a program that plans again and again: the
-library stays open and is read ahead (`cellwright.engine.pipelines.planning.macros.library_planner`), and Python looks for cycles of references when it wants to. After
-`--warm` days it has in memory what a cell has that has run for a while. When all have done so, they begin, and go on for `--seconds`. Every
-`--every` seconds on average a client looks up a day of measuring on other points than it was learned with, and writes: it counts the use,
-counts a trial in a row that all share, adds a closed case, and moves a kept sequence that all share one visit on (it reads it, changes it,
-and writes it if nobody else has; else again). In its first turn, and every tenth, it stores a MACROP, too.
+Each client is a process with connections of its own. It looks up as `cellwright.plan` does in a
+program that plans again and again: the library stays open and is read ahead
+(`cellwright.engine.pipelines.planning.macros.library_planner`), and Python looks for cycles of
+references when it wants to. After `--warm` days it has in memory what a cell has that has run for a
+while. When all have done so, they begin, and go on for `--seconds`. Every `--every` seconds on
+average a client looks up a day of measuring on other points than it was learned with, and writes:
+it counts the use, counts a trial in a row that all share, adds a closed case, and moves a kept
+sequence that all share one visit on (it reads it, changes it, and writes it if nobody else has;
+else again). In its first turn, and every tenth, it stores a MACROP, too.
 
-A lookup is from the problem to a plan that the checker has accepted, in seconds of the clock: with the question whether the library still
-holds what was read. A turn is all of this call: with the use that is counted, too. The turns of the beginning are told apart. What share of
-the processors worked meanwhile, for whatever, is told as well. With `--first` clients and server come before all other work of the machine
-while they count, for machines that are never idle: then nothing but caches and memory is shared with others. Exits with 1 if the 99th percentile of the turns is above 20 ms, or if
+A lookup is from the problem to a plan that the checker has accepted, in seconds of the clock: with
+the question whether the library still holds what was read. A turn is all of this call: with the use
+that is counted, too. The turns of the beginning are told apart. What share of the processors worked
+meanwhile, for whatever, is told as well. With `--first` clients and server come before all other
+work of the machine while they count, for machines that are never idle: then nothing but caches and
+memory is shared with others. Exits with 1 if the 99th percentile of the turns is above 20 ms, or if
 anything is lost.
 """
 
@@ -60,8 +66,10 @@ SHARED = ("shared", "visits")
 class Told:
     """What a client did.
 
-    Seconds of its first turn, of the others at the beginning and of those that count, of these also to the plan, and of the lookup alone
-    in it; how many of all and of those that count found a plan; when they began and ended; how much the processors worked meanwhile, for it and for all; how often it wrote; and errors.
+    Seconds of its first turn, of the others at the beginning and of those that count, of these also
+    to the plan, and of the lookup alone in it; how many of all and of those that count found a
+    plan; when they began and ended; how much the processors worked meanwhile, for it and for all;
+    how often it wrote; and errors.
     """
 
     first_s: float = 0.0
@@ -123,9 +131,12 @@ class Client:
         return time.monotonic() < end
 
     def _found(self, problem: Problem) -> tuple[float, float, int | None]:
-        """Seconds to the plan and to the end of the turn, and the number of the MACROP that gave the plan."""
+        """Seconds to the plan and to the end of the turn, and the number of the MACROP that
+        gave the plan.
+        """
         began = time.perf_counter()
-        with open_planner(self.url, problem.domain, SearchLimits()) as practice:  # its end counts the use
+        # its end counts the use
+        with open_planner(self.url, problem.domain, SearchLimits()) as practice:
             answer = practice.plan(problem)
             plan_s = time.perf_counter() - began
         turn_s = time.perf_counter() - began
@@ -156,10 +167,15 @@ def client(
     asked: argparse.Namespace,
     ready: Callable[[], object],
 ) -> Told:
-    """One client, until its time is over. It calls `ready` before the turns that count, and goes on when all have."""
+    """One client, until its time is over.
+
+    It calls `ready` before the turns that count, and goes on when all have.
+    """
     gc.freeze()  # what the benchmark itself keeps in memory is none of lookup's concern
     draw = random.Random(f"{SEED} {number}")
-    problems = (bench.posed(again(draw.choice(days), draw, asked.points))[0] for _ in itertools.count())
+    problems = (
+        bench.posed(again(draw.choice(days), draw, asked.points))[0] for _ in itertools.count()
+    )
     with Library(url) as library, Sequences(url) as sequences, Cases(url) as cases:
         one = Client(number, asked, url, problems, library, sequences, cases, draw)
         one.warm_up()
@@ -228,7 +244,9 @@ def lost(url: str, told: Sequence[Told], before: int) -> list[str]:
         "cases": (history, lookups),
         "MACROPs": (figures.macrops, before + sum(each.learned for each in told)),
     }
-    wrong = [f"{name}: {there} for {wanted}" for name, (there, wanted) in rows.items() if there != wanted]
+    wrong = [
+        f"{name}: {there} for {wanted}" for name, (there, wanted) in rows.items() if there != wanted
+    ]
     return [
         *wrong,
         *(each.message for each in check_library(url)[0]),
@@ -239,11 +257,17 @@ def lost(url: str, told: Sequence[Told], before: int) -> list[str]:
 def spread(seconds: Iterable[float]) -> list[float]:
     """Median, 90 %, 99 % and the greatest, in milliseconds."""
     times = sorted(seconds) or [math.inf]
-    return [round(1000 * times[min(int(len(times) * p), len(times) - 1)], 2) for p in (0.5, 0.9, 0.99, 1)]
+    return [
+        round(1000 * times[min(int(len(times) * p), len(times) - 1)], 2)
+        for p in (0.5, 0.9, 0.99, 1)
+    ]
 
 
 def summed(told: Sequence[Told]) -> dict[str, Any]:
-    """The figures of all clients. Processor seconds are those of the clients after the beginning, without the server's."""
+    """The figures of all clients.
+
+    Processor seconds are those of the clients after the beginning, without the server's.
+    """
     times = sorted(each for one in told for each in one.turns_s) or [math.inf]
     warm = sorted(each for one in told for each in one.warm_s) or [0.0]
     seconds = max(each.until for each in told) - min(each.since for each in told)
@@ -255,8 +279,12 @@ def summed(told: Sequence[Told]) -> dict[str, Any]:
         "p90_ms": round(1000 * times[int(len(times) * 0.90)], 2),
         "p99_ms": round(1000 * times[int(len(times) * 0.99)], 2),
         "max_ms": round(1000 * times[-1], 2),
-        "to the plan: median, p90, p99, max_ms": spread(each for one in told for each in one.plans_s),
-        "lookup alone: median, p90, p99, max_ms": spread(each for one in told for each in one.lookups_s),
+        "to the plan: median, p90, p99, max_ms": spread(
+            each for one in told for each in one.plans_s
+        ),
+        "lookup alone: median, p90, p99, max_ms": spread(
+            each for one in told for each in one.lookups_s
+        ),
         "first_ms": round(1000 * statistics.median(each.first_s for each in told), 1),
         "others of the beginning, median_ms": round(1000 * statistics.median(warm), 1),
         "shared sequence written": sum(each.moved for each in told),
@@ -264,7 +292,8 @@ def summed(told: Sequence[Told]) -> dict[str, Any]:
         "learned": sum(each.learned for each in told),
         "share of the processors": round(
             statistics.median(
-                each.busy_s / max(each.until - each.since, 1e-9) / (os.cpu_count() or 1) for each in told
+                each.busy_s / max(each.until - each.since, 1e-9) / (os.cpu_count() or 1)
+                for each in told
             ),
             2,
         ),
@@ -294,9 +323,16 @@ def main() -> int:
         with Library(url) as library:
             before = library.figures().macrops
         all_ready = multiprocessing.Barrier(asked.clients, first if asked.first else None, WAIT_S)
-        told = list(heard(asked.clients, lambda n: client(url, bench, days, n, asked, all_ready.wait)))
+        told = list(
+            heard(asked.clients, lambda n: client(url, bench, days, n, asked, all_ready.wait))
+        )
         wrong = lost(url, told, before)
-    row = {"clients": asked.clients, "MACROPs": before, **summed(told), "load before": round(load, 1)}
+    row = {
+        "clients": asked.clients,
+        "MACROPs": before,
+        **summed(told),
+        "load before": round(load, 1),
+    }
     row["whole_s"] = round(time.monotonic() - began, 1)
     row["wrong"] = wrong
     print(json.dumps(row))

@@ -2,13 +2,16 @@
 
     python benchmarks/cluster.py [--table speed mishaps] [--problems N] [--pairs N] [--kills N] [--victim NAME ...] [--seed N] [--json FILE]
 
-Each problem has a cell of its own (a copy of `themse`), so that none serves another and the store does not depend on who is first.
-`speed`: the problems are prepared with one process, with two, and by a cluster with two workers, in turns; seconds of the clock, and
-of the processor, because other work on the machine slows two processes more than one; so what that took of the processor is told, too. `mishaps`: a worker, the scheduler, the command
-or the database is killed at a random moment; what was killed is started again, and the command, until it has finished. Then the store
-must be the one of an undisturbed preparation, counts too, and no unit that was noted as finished may have been carried out again (its
-MACROP would count a use). With `--json` what was tried is kept there, and the next call goes on behind it. Exits with 1 if two are less than 1.8 times as fast as
-one, or if a store differs.
+Each problem has a cell of its own (a copy of `themse`), so that none serves another and the store
+does not depend on who is first. `speed`: the problems are prepared with one process, with two, and
+by a cluster with two workers, in turns; seconds of the clock, and of the processor, because other
+work on the machine slows two processes more than one; so what that took of the processor is told,
+too. `mishaps`: a worker, the scheduler, the command or the database is killed at a random moment;
+what was killed is started again, and the command, until it has finished. Then the store must be the
+one of an undisturbed preparation, counts too, and no unit that was noted as finished may have been
+carried out again (its MACROP would count a use). With `--json` what was tried is kept there, and
+the next call goes on behind it. Exits with 1 if two are less than 1.8 times as fast as one, or if a
+store differs.
 """
 
 import argparse
@@ -48,9 +51,13 @@ def problems(folder: Path, count: int, name: str) -> Path:
     source = ROOT / "domains" / "themse"
     for number in range(1, count + 1):
         cell = folder / "cells" / f"themse_{number:03}"
-        shutil.copytree(source, cell, ignore=shutil.ignore_patterns("problems", "golden", "__pycache__"))
+        shutil.copytree(
+            source, cell, ignore=shutil.ignore_patterns("problems", "golden", "__pycache__")
+        )
         own = cell / "domain.yaml"
-        own.write_text(own.read_text("utf-8").replace("domain: themse", f"domain: {cell.name}", 1), "utf-8")
+        own.write_text(
+            own.read_text("utf-8").replace("domain: themse", f"domain: {cell.name}", 1), "utf-8"
+        )
         text = (source / "problems" / f"{name}.yaml").read_text("utf-8")
         text = text.replace(f"problem: {name}", f"problem: {name}_{number:03}")
         text = text.replace("domain: themse", f"domain: {own}")
@@ -77,7 +84,9 @@ class Tally:
 
 
 def prepared(chosen: Path, store: Path, *how: str) -> tuple[float, float, float]:
-    """Seconds of the clock and of the processor that a preparation takes into a new store, and of the processor that others took."""
+    """Seconds of the clock and of the processor that a preparation takes into a new store, and
+    of the processor that others took.
+    """
     for each in store.parent.glob(f"{store.name}*"):
         each.unlink()
     hear, tell = os.pipe()
@@ -97,11 +106,17 @@ def prepared(chosen: Path, store: Path, *how: str) -> tuple[float, float, float]
 
 
 def _spent(compiled: Path, *command: str) -> tuple[float, float]:
-    """Seconds of the clock until a command has ended, and of the processor, with all processes that it leaves for a moment.
+    """Seconds of the clock until a command has ended, and of the processor, with all processes that
+    it leaves for a moment.
 
-    Modules are compiled to a folder, as those of an installed program are: else each process would compile all of them.
+    Modules are compiled to a folder, as those of an installed program are: else each process would
+    compile all of them.
     """
-    own = {"PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(compiled)}
+    own = {
+        "PYTHONPATH": str(ROOT),
+        "PYTHONDONTWRITEBYTECODE": "",
+        "PYTHONPYCACHEPREFIX": str(compiled),
+    }
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     began = time.monotonic()
     subprocess.run(
@@ -124,7 +139,11 @@ def speed(asked: argparse.Namespace, tally: Tally) -> bool:
         folder = Path(name)
         chosen = problems(folder, asked.problems, "four")
         prepared(chosen / "p001.yaml", folder / "speed.db", "--jobs", "2")  # compiles the modules
-        ways = {"one": ("--jobs", "1"), "two": ("--jobs", "2"), "cluster": ("--cluster", cluster.address)}
+        ways = {
+            "one": ("--jobs", "1"),
+            "two": ("--jobs", "2"),
+            "cluster": ("--cluster", cluster.address),
+        }
         while len(tally.content["speed"]) < asked.pairs:
             row = {"problems": asked.problems, "load": os.getloadavg()[0]}
             found = {way: prepared(chosen, folder / "speed.db", *how) for way, how in ways.items()}
@@ -133,7 +152,8 @@ def speed(asked: argparse.Namespace, tally: Tally) -> bool:
             tally.note("speed", row)
     rows = tally.content["speed"]
     print(
-        "| problems | load | one (s, s of the processor, of others) | two | times as fast | cluster of two | times as fast |"
+        "| problems | load | one (s, s of the processor, of others) | two | times as fast | "
+        "cluster of two | times as fast |"
     )
     print("|--:|--:|--:|--:|--:|--:|--:|")
     for row in rows:
@@ -180,13 +200,17 @@ def mishaps(asked: argparse.Namespace, tally: Tally) -> bool:
                     print(json.dumps(row), file=sys.stderr, flush=True)
     rows = [row for row in tally.content["mishaps"] if row["victim"] in asked.victim]
     print(
-        "| killed | times | while it worked | units noted by then | other units begun again | calls | wrong |"
+        "| killed | times | while it worked | units noted by then | other units begun again | "
+        "calls | wrong |"
     )
     print("|---|--:|--:|--:|--:|--:|--:|")
     for victim in asked.victim:
         own = [row for row in rows if row["victim"] == victim]
         early = sum(row["working"] for row in own)
-        kept, calls = sum(row["noted"] for row in own), max((row["calls"] for row in own), default=0)
+        kept, calls = (
+            sum(row["noted"] for row in own),
+            max((row["calls"] for row in own), default=0),
+        )
         again, wrong = sum(row["again"] for row in own), sum(bool(row["wrong"]) for row in own)
         print(f"| {victim} | {len(own)} | {early} | {kept} | {again} | at most {calls} | {wrong} |")
     return not any(row["wrong"] for row in rows)
@@ -197,10 +221,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--table", nargs="+", choices=("speed", "mishaps"), default=["speed", "mishaps"])
+    parser.add_argument(
+        "--table", nargs="+", choices=("speed", "mishaps"), default=["speed", "mishaps"]
+    )
     parser.add_argument("--problems", type=int, default=64)
     parser.add_argument("--pairs", type=int, default=3)
-    parser.add_argument("--units", type=int, default=6, help="problems of each trial of the mishaps")
+    parser.add_argument(
+        "--units", type=int, default=6, help="problems of each trial of the mishaps"
+    )
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--victim", nargs="+", choices=VICTIMS, default=list(VICTIMS))
     parser.add_argument("--seed", type=int, default=1)

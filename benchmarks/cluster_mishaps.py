@@ -45,7 +45,9 @@ class Trial:
         )
 
     def call(self, address: str) -> int:
-        """Call the preparation by a cluster in a process of its own, which ends with 0 if all was finished."""
+        """Call the preparation by a cluster in a process of its own, which ends with 0 if all
+        was finished.
+        """
         child = os.fork()
         if child:
             return child
@@ -68,7 +70,9 @@ def tried(
     chance: random.Random,
     wanted: dict[str, Any],
 ) -> dict[str, Any]:
-    """Kill a victim once while a preparation runs; what was finished by then, and what is wrong at the end."""
+    """Kill a victim once while a preparation runs; what was finished by then, and what is wrong
+    at the end.
+    """
     if base:
         emptied(base.url)
     child, began = trial.call(cluster.address), time.monotonic()
@@ -84,7 +88,11 @@ def tried(
         code = _ended(trial.call(cluster.address))
     again = _used(trial.store)
     wrong = [f"exit {code}"] if code else _differences(wanted, knowledge(trial.store))
-    wrong += [f"{len(noted & again)} units that were noted were carried out again"] if noted & again else []
+    wrong += (
+        [f"{len(noted & again)} units that were noted were carried out again"]
+        if noted & again
+        else []
+    )
     return {
         "victim": victim,
         "working": working,
@@ -97,9 +105,13 @@ def tried(
 
 
 def _wait(child: int, seconds: float, trial: Trial, units: int) -> None:
-    """Wait until so many units are finished, and a while longer; not beyond the end of the process."""
+    """Wait until so many units are finished, and a while longer; not beyond the end of the
+    process.
+    """
     deadline = time.monotonic() + 60
-    while units and time.monotonic() < deadline and len(_noted(trial.store)) < units and _runs(child):
+    while (
+        units and time.monotonic() < deadline and len(_noted(trial.store)) < units and _runs(child)
+    ):
         time.sleep(0.02)
     until = time.monotonic() + seconds
     while time.monotonic() < until and _runs(child):
@@ -112,7 +124,9 @@ def _runs(child: int) -> bool:
     return False
 
 
-def _kill(victim: str, child: int, cluster: Cluster, base: Server | None, chance: random.Random) -> None:
+def _kill(
+    victim: str, child: int, cluster: Cluster, base: Server | None, chance: random.Random
+) -> None:
     if victim == "client":
         if child:
             os.kill(child, signal.SIGKILL)
@@ -147,7 +161,9 @@ def _noted(store: str) -> frozenset[int]:
 
 
 def _used(store: str) -> frozenset[int]:
-    """The MACROPs that were used: their units were carried out again, because no other unit can use them."""
+    """The MACROPs that were used: their units were carried out again, because no other unit can
+    use them.
+    """
     return frozenset(row[0] for row in rows(store, "usage") if row[1])
 
 

@@ -48,7 +48,9 @@ class Cluster:
         deadline = time.monotonic() + 60
         while not self._is_open() and time.monotonic() < deadline:
             time.sleep(0.1)
-        self._run("worker", f"tcp://{self.address}", "--nworkers", str(self.workers), "--nthreads", "1")
+        self._run(
+            "worker", f"tcp://{self.address}", "--nworkers", str(self.workers), "--nthreads", "1"
+        )
         with Client(f"tcp://{self.address}", timeout=60, set_as_default=False) as client:
             client.wait_for_workers(self.workers, timeout=120)
 
@@ -69,7 +71,9 @@ class Cluster:
         )
 
     def kill(self, victim: str, chance: random.Random) -> None:
-        """Kill the scheduler, or one worker; a nanny starts a worker again, and ends without a scheduler."""
+        """Kill the scheduler, or one worker; a nanny starts a worker again, and ends without a
+        scheduler.
+        """
         if victim == "scheduler":
             self.processes["scheduler"].kill()
             self.processes["scheduler"].wait()

@@ -1,15 +1,18 @@
-"""Collision checks per second, one at a time and in batches, beside MuJoCo and coal when they are installed.
+"""Collision checks per second, one at a time and in batches, beside MuJoCo and coal when they are
+installed.
 
     python benchmarks/collision.py [--data FOLDER] [--configurations N] [--cells NAME ...] [--json FILE]
 
-The cells are those of MotionBenchMaker for a UR5 (`ur5_mbm` in the folder of the data, by default $CELLWRIGHT_DATA): an arm
-of spheres among boxes and cylinders. All backends get the same convex pieces and pairs; "mujoco, own boxes" may use its
-primitive in place of convex meshes. Random configurations within the limits (seed 7); the best of five runs, in processor
-time on one core, and for the built-in backend in real time on all cores, too. Every difference from the built-in backend
-is put to the plain NumPy reference: it is *touching* when the bodies are within a micrometre of contact, *wrong there*
-when the reference is with the built-in backend, else unexplained. Exits with 1 when a difference is unexplained, when the
-start or goal of a published problem is in collision, or when the built-in backend in batches (on one core or on all,
-whichever is faster) is not three times as fast as MuJoCo.
+The cells are those of MotionBenchMaker for a UR5 (`ur5_mbm` in the folder of the data, by default
+$CELLWRIGHT_DATA): an arm of spheres among boxes and cylinders. All backends get the same convex
+pieces and pairs; "mujoco, own boxes" may use its primitive in place of convex meshes. Random
+configurations within the limits (seed 7); the best of five runs, in processor time on one core, and
+for the built-in backend in real time on all cores, too. Every difference from the built-in backend
+is put to the plain NumPy reference: it is *touching* when the bodies are within a micrometre of
+contact, *wrong there* when the reference is with the built-in backend, else unexplained. Exits with
+1 when a difference is unexplained, when the start or goal of a published problem is in collision,
+or when the built-in backend in batches (on one core or on all, whichever is faster) is not three
+times as fast as MuJoCo.
 """
 
 import argparse
@@ -68,7 +71,9 @@ def always_touching(task: Task) -> Names:
     return frozenset(set.intersection(*touching))
 
 
-def rate(run: Callable[[], object], count: int, clock: Callable[[], float] = time.process_time) -> float:
+def rate(
+    run: Callable[[], object], count: int, clock: Callable[[], float] = time.process_time
+) -> float:
     """The best rate of a call that does `count` checks."""
     run()
     times = []
@@ -82,11 +87,14 @@ def rate(run: Callable[[], object], count: int, clock: Callable[[], float] = tim
 def plain_clearance(scene: CollisionScene, q: Floats) -> float:
     """The least signed distance by the plain reference, pairs farther apart than 0.1 m left out."""
     poses, least = carrier_poses(scene.joints, q), 0.1
-    placed = [transforms.apply(poses[p.carrier] @ p.T_carrier_piece, p.vertices) for p in scene.pieces]
+    placed = [
+        transforms.apply(poses[p.carrier] @ p.T_carrier_piece, p.vertices) for p in scene.pieces
+    ]
     for i, j in scene.pairs:
         reach = scene.pieces[i].radius_m + scene.pieces[j].radius_m
         low = np.maximum(
-            placed[i].min(axis=0) - placed[j].max(axis=0), placed[j].min(axis=0) - placed[i].max(axis=0)
+            placed[i].min(axis=0) - placed[j].max(axis=0),
+            placed[j].min(axis=0) - placed[i].max(axis=0),
         )
         if low.max() - reach < least:
             least = min(least, signed_distance(placed[i], placed[j]) - reach)
@@ -109,7 +117,9 @@ def row(name: str, checker: CollisionChecker, q: Floats, ours: np.ndarray) -> di
     why = [explained(checker.scene, q[n], bool(ours[n])) for n in differ]
     return {
         "backend": name,
-        "single": rate(lambda: [checker.collides(few[n : n + 1]) for n in range(len(few))], len(few)),
+        "single": rate(
+            lambda: [checker.collides(few[n : n + 1]) for n in range(len(few))], len(few)
+        ),
         "batch": rate(lambda: checker.collides(many), len(many)),
         "differences": {each: why.count(each) for each in sorted(set(why))},
     }
@@ -125,7 +135,9 @@ def measure(task: Task, count: int, peers: dict[str, GeometryBackend]) -> dict[s
     rows = [row(name, checker, q, ours) for name, checker in checkers.items()]
     del os.environ["CELLWRIGHT_THREADS"]
     threads = rate(lambda: checkers["builtin"].collides(q), count, time.perf_counter)
-    rows.insert(1, {"backend": "builtin, all cores", "single": None, "batch": threads, "differences": {}})
+    rows.insert(
+        1, {"backend": "builtin, all cores", "single": None, "batch": threads, "differences": {}}
+    )
     return {
         "cell": task.name,
         "pieces": len(scene.pieces),
@@ -140,12 +152,20 @@ def shown(cells: list[dict[str, Any]], count: int) -> Table:
     """The table that people read."""
     table = Table("cell", "backend", "single/s", "batch/s", "builtin is", "differences")
     for cell in cells:
-        said = f"{cell['cell']}: {cell['pieces']} pieces, {cell['pairs']} pairs, {cell['hits']:.0%} hits"
+        said = (
+            f"{cell['cell']}: {cell['pieces']} pieces, {cell['pairs']} pairs, "
+            f"{cell['hits']:.0%} hits"
+        )
         for each in cell["rows"]:
             ratio = cell["rows"][0]["batch"] / each["batch"]
             single = f"{each['single']:,.0f}" if each["single"] else ""
-            differ = ", ".join(f"{n} {why}" for why, n in each["differences"].items()) or f"0 of {count:,}"
-            table.add_row(said, each["backend"], single, f"{each['batch']:,.0f}", f"{ratio:.2f}x", differ)
+            differ = (
+                ", ".join(f"{n} {why}" for why, n in each["differences"].items())
+                or f"0 of {count:,}"
+            )
+            table.add_row(
+                said, each["backend"], single, f"{each['batch']:,.0f}", f"{ratio:.2f}x", differ
+            )
             said = ""
     return table
 
@@ -179,7 +199,9 @@ def main() -> int:
     if arguments.data is None:
         parser.error("give --data or set CELLWRIGHT_DATA")
     chosen = [
-        task for task in tasks(Path(arguments.data) / "ur5_mbm") if task.name.split()[0] in arguments.cells
+        task
+        for task in tasks(Path(arguments.data) / "ur5_mbm")
+        if task.name.split()[0] in arguments.cells
     ]
     peers = backends()
     cells = [measure(task, arguments.configurations, peers) for task in chosen]

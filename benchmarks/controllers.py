@@ -7,7 +7,10 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from cellwright.engine.pipelines.execution.controllers.link import ControllerAddress
-from cellwright.engine.pipelines.execution.controllers.reference_controller import Conversation, ServedCell
+from cellwright.engine.pipelines.execution.controllers.reference_controller import (
+    Conversation,
+    ServedCell,
+)
 from cellwright.engine.ports import DriverSetup
 from cellwright.kb.model.planning_problem import Problem
 
@@ -16,10 +19,17 @@ Manners = Callable[[int, Lines], Lines | None]  # what is sent instead of some l
 
 
 class Server:
-    """A controller in this process, whose answers go through `manners`. It counts the lines that it has heard."""
+    """A controller in this process, whose answers go through `manners`.
+
+    It counts the lines that it has heard.
+    """
 
     def __init__(
-        self, problem: Problem, manners: Manners = lambda _, lines: lines, factor: float = 0.0, **options: str
+        self,
+        problem: Problem,
+        manners: Manners = lambda _, lines: lines,
+        factor: float = 0.0,
+        **options: str,
     ) -> None:
         self.cell = ServedCell(DriverSetup(problem, "", 0, factor, options))
         self.manners, self.heard = manners, 0
@@ -58,7 +68,9 @@ def at_reply(number: int, instead: Callable[[bytes], Lines]) -> Manners:
         content = json.loads(text)
         return bool(content["type"] == "reply" and content["number"] == number)
 
-    return lambda _, lines: [new for each in lines for new in (instead(each) if is_it(each) else [each])]
+    return lambda _, lines: [
+        new for each in lines for new in (instead(each) if is_it(each) else [each])
+    ]
 
 
 def later(line: bytes) -> Lines:

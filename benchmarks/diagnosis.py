@@ -1,11 +1,14 @@
-"""Test selection, several faults, fault bases and learning, measured against the bars that they have to meet.
+"""Test selection, several faults, fault bases and learning, measured against the bars that they
+have to meet.
 
     python benchmarks/diagnosis.py [--data FOLDER] [--problems N] [--part NAME ...] [--json FILE]
 
-FOLDER (or the environment variable CELLWRIGHT_DATA) has `iscas85/*.bench`. Parts: exact, sparse, noisy, setup, circuits,
-multiplier, advice, bases, learning. Times are of one process with compiled kernels warmed up. Exits with 1 when a bar is missed: exact under 1 s at
-20 x 20 and 10 s at 30 x 30; rollout within 0.5 % of the optimum in the mean and 5 % at worst, no bound violated; circuits
-under 5 s each, c6288 no slower than the plain model; first advice in 2 s; every cause isolated, at a mean cost that is the optimum but for chance; learned trees within 2 % after 500 cases.
+FOLDER (or the environment variable CELLWRIGHT_DATA) has `iscas85/*.bench`. Parts: exact, sparse,
+noisy, setup, circuits, multiplier, advice, bases, learning. Times are of one process with compiled
+kernels warmed up. Exits with 1 when a bar is missed: exact under 1 s at 20 x 20 and 10 s at 30 x
+30; rollout within 0.5 % of the optimum in the mean and 5 % at worst, no bound violated; circuits
+under 5 s each, c6288 no slower than the plain model; first advice in 2 s; every cause isolated, at
+a mean cost that is the optimum but for chance; learned trees within 2 % after 500 cases.
 """
 
 import argparse
@@ -70,7 +73,9 @@ def exact(problems: int, _: Path) -> tuple[list[Row], list[str]]:
                         "worst (s)": max(times),
                     }
                 )
-                missed += [f"exact at {size} x {size}: {max(times):.2f} s"] if max(times) > bar else []
+                missed += (
+                    [f"exact at {size} x {size}: {max(times):.2f} s"] if max(times) > bar else []
+                )
     return rows, missed
 
 
@@ -86,7 +91,9 @@ def _solved(problem: Troubleshooting) -> float:
 
 def sparse(problems: int, _: Path) -> tuple[list[Row], list[str]]:
     """Rollout and rules against the optimum where each cause shows in few tests."""
-    return _against("30 x 30 sparse", lambda seed: isolation(30, 30, 0.12, bool(seed % 2), seed), problems)
+    return _against(
+        "30 x 30 sparse", lambda seed: isolation(30, 30, 0.12, bool(seed % 2), seed), problems
+    )
 
 
 def noisy(problems: int, _: Path) -> tuple[list[Row], list[str]]:
@@ -94,7 +101,9 @@ def noisy(problems: int, _: Path) -> tuple[list[Row], list[str]]:
     return _against("12 x 12 uncertain", lambda seed: uncertain(12, 12, seed), problems)
 
 
-def _against(name: str, make: Callable[[int], Troubleshooting], problems: int) -> tuple[list[Row], list[str]]:
+def _against(
+    name: str, make: Callable[[int], Troubleshooting], problems: int
+) -> tuple[list[Row], list[str]]:
     losses: dict[str, list[float]] = {"rollout": [], "gain per cost": [], "pairs per cost": []}
     violated = 0
     for seed in range(problems):
@@ -103,16 +112,25 @@ def _against(name: str, make: Callable[[int], Troubleshooting], problems: int) -
         for rule, cost in costs.items():
             losses[rule].append(100 * (cost / optimum - 1))
     rows = [
-        {"problems": name, "rule": rule, "mean loss (%)": statistics.mean(lost), "worst (%)": max(lost)}
+        {
+            "problems": name,
+            "rule": rule,
+            "mean loss (%)": statistics.mean(lost),
+            "worst (%)": max(lost),
+        }
         for rule, lost in losses.items()
     ]
     mean, worst = statistics.mean(losses["rollout"]), max(losses["rollout"])
-    missed = [f"{name}: rollout loses {mean:.2f} %, {worst:.2f} %"] if mean > 0.5 or worst > 5 else []
+    missed = (
+        [f"{name}: rollout loses {mean:.2f} %, {worst:.2f} %"] if mean > 0.5 or worst > 5 else []
+    )
     return rows, missed + ([f"{name}: {violated} bounds violated"] if violated else [])
 
 
 def _compared(problem: Troubleshooting) -> tuple[float, dict[str, float], list[float]]:
-    """The optimum, the costs of rollout and rules, and the bounds that were printed with small budgets."""
+    """The optimum, the costs of rollout and rules, and the bounds that were printed with small
+    budgets.
+    """
     selector = ActionSelector(problem, PLENTY)
     best = selector.advise(selector.start())
     assert best.optimal
@@ -128,21 +146,32 @@ def _compared(problem: Troubleshooting) -> tuple[float, dict[str, float], list[f
 
 
 def setup(problems: int, _: Path) -> tuple[list[Row], list[str]]:
-    """With set-up costs: rollout and rules, and choosing tests as if their preconditions cost nothing."""
+    """With set-up costs: rollout and rules, and choosing tests as if their preconditions cost
+    nothing.
+    """
     lost = []
     for seed in range(problems):
         problem = with_setup(10, 10, 3, seed)
-        blind = Troubleshooting(problem.causes, problem.priors, problem.actions, problem.conclusions)
+        blind = Troubleshooting(
+            problem.causes, problem.priors, problem.actions, problem.conclusions
+        )
         selector = ActionSelector(problem, PLENTY)
         optimum = selector.advise(selector.start()).expected_cost
         lost.append(100 * (cost_under(problem, ActionSelector(blind, PLENTY).tree()) / optimum - 1))
-    rows, missed = _against("10 x 10 with set-up", lambda seed: with_setup(10, 10, 3, seed), problems)
+    rows, missed = _against(
+        "10 x 10 with set-up", lambda seed: with_setup(10, 10, 3, seed), problems
+    )
     ignored = {"problems": rows[0]["problems"], "rule": "optimal without set-up"}
-    return [*rows, {**ignored, "mean loss (%)": statistics.mean(lost), "worst (%)": max(lost)}], missed
+    return [
+        *rows,
+        {**ignored, "mean loss (%)": statistics.mean(lost), "worst (%)": max(lost)},
+    ], missed
 
 
 def circuits(problems: int, data: Path) -> tuple[list[Row], list[str]]:
-    """Minimum-cardinality diagnoses of circuits with one to five inverted gates, grounding included."""
+    """Minimum-cardinality diagnoses of circuits with one to five inverted gates, grounding
+    included.
+    """
     rows, missed = [], []
     for name in CIRCUITS:
         file = data / "iscas85" / f"{name}.bench"
@@ -151,7 +180,9 @@ def circuits(problems: int, data: Path) -> tuple[list[Row], list[str]]:
             continue
         circuit = read_bench(file.read_text(), name)
         found = [
-            _inverted(circuit, count, seed) for seed in range(max(1, problems // 50)) for count in range(1, 6)
+            _inverted(circuit, count, seed)
+            for seed in range(max(1, problems // 50))
+            for count in range(1, 6)
         ]
         times = [seconds for seconds, _ in found]
         rows.append(
@@ -192,7 +223,9 @@ def drawn(circuit: Circuit, count: int, seed: int) -> tuple[dict[str, bool], dic
 
 
 def multiplier(problems: int, data: Path) -> tuple[list[Row], list[str]]:
-    """c6288 with five inversions, beside the plain model: every gate may be faulty, and clingo searches by cores."""
+    """c6288 with five inversions, beside the plain model: every gate may be faulty, and clingo
+    searches by cores.
+    """
     file, rows, missed = data / "iscas85" / "c6288.bench", list[Row](), list[str]()
     if not file.exists():
         return [], [f"{file} is not there"]
@@ -208,14 +241,22 @@ def multiplier(problems: int, data: Path) -> tuple[list[Row], list[str]]:
         assert made is not None
         assert len(made.gates) == len(plain[1])
         rows.append(
-            {"circuit": "c6288", "seed": seed, "gates": len(made.gates), "ours (s)": ours, "plain (s)": taken}
+            {
+                "circuit": "c6288",
+                "seed": seed,
+                "gates": len(made.gates),
+                "ours (s)": ours,
+                "plain (s)": taken,
+            }
         )
         missed += [f"c6288, seed {seed}: {ours:.2f} s, plain {taken:.2f} s"] if ours > taken else []
     return rows, missed
 
 
 def advice(problems: int, _: Path) -> tuple[list[Row], list[str]]:
-    """The first advice of large problems with the default budget: how long it takes, and how far its bound is."""
+    """The first advice of large problems with the default budget: how long it takes, and how
+    far its bound is.
+    """
     rows, missed = list[Row](), list[str]()
     for size, density in ((60, 0.12), (100, 0.12), (200, 0.12), (500, 0.12), (500, 0.02)):
         for seed in range(max(1, problems // 100)):
@@ -224,7 +265,12 @@ def advice(problems: int, _: Path) -> tuple[list[Row], list[str]]:
             selector = ActionSelector(problem)
             found = selector.advise(selector.start())
             taken = time.perf_counter() - started
-            row = {"causes x tests": f"{size} x {size}", "density": density, "seed": seed, "time (s)": taken}
+            row = {
+                "causes x tests": f"{size} x {size}",
+                "density": density,
+                "seed": seed,
+                "time (s)": taken,
+            }
             rows.append(row | {"cost": found.expected_cost, "bound": found.bound})
             missed += [f"first advice at {size} x {size}: {taken:.2f} s"] if taken > 2 else []
     return rows, missed
@@ -232,7 +278,9 @@ def advice(problems: int, _: Path) -> tuple[list[Row], list[str]]:
 
 def models() -> dict[str, FaultModel]:
     """The bundled fault bases."""
-    return {name: load_faults(folder / "domain.yaml")[0] for name, folder in bundled_domains().items()}
+    return {
+        name: load_faults(folder / "domain.yaml")[0] for name, folder in bundled_domains().items()
+    }
 
 
 def bases(problems: int, _: Path) -> tuple[list[Row], list[str]]:
@@ -246,10 +294,16 @@ def bases(problems: int, _: Path) -> tuple[list[Row], list[str]]:
             for cause, prior in model.priors(exception).items():
                 costs = []
                 for seed in range(max(20, problems // 5)):
-                    world = HiddenWorld(model, CaseHypothesis((cause,)), random.Random(f"{cause} {seed}"))
+                    world = HiddenWorld(
+                        model, CaseHypothesis((cause,)), random.Random(f"{cause} {seed}")
+                    )
                     made = run_session(CaseSession(model, exception), _tests_of(world))
                     costs.append(made.cost)
-                    wrong += [cause] if made.hypotheses[0][0].causes != (cause,) or not made.isolated else []
+                    wrong += (
+                        [cause]
+                        if made.hypotheses[0][0].causes != (cause,) or not made.isolated
+                        else []
+                    )
                 mean += prior * statistics.mean(costs)
                 variance += prior**2 * statistics.variance(costs) / len(costs)
             rows.append(
@@ -269,12 +323,16 @@ def bases(problems: int, _: Path) -> tuple[list[Row], list[str]]:
 
 
 def _tests_of(world: HiddenWorld) -> Callable[[Action, CaseAdvice], str | None]:
-    """The answers of a world; nobody answers the question of a safe stop, which no test plan pays for."""
+    """The answers of a world; nobody answers the question of a safe stop, which no test plan
+    pays for.
+    """
     return lambda action, _: None if action.name == QUESTION else world.respond(action)
 
 
 def learning(problems: int, _: Path, cases: int = 500) -> tuple[list[Row], list[str]]:
-    """Counts learned from nothing in 500 cases: the tree they give, priced with the true frequencies."""
+    """Counts learned from nothing in 500 cases: the tree they give, priced with the true
+    frequencies.
+    """
     rows, missed = [], []
     for domain, model in models().items():
         before, after = [], []
@@ -289,7 +347,11 @@ def learning(problems: int, _: Path, cases: int = 500) -> tuple[list[Row], list[
             ]
         mean = statistics.mean(after)
         rows.append(
-            {"domain": domain, "loss at first (%)": statistics.mean(before), f"after {cases} cases (%)": mean}
+            {
+                "domain": domain,
+                "loss at first (%)": statistics.mean(before),
+                f"after {cases} cases (%)": mean,
+            }
         )
         missed += [f"{domain}: learned trees lose {mean:.2f} %"] if mean > 2 else []
     return rows, missed
@@ -321,7 +383,9 @@ def table(name: str, rows: list[Row]) -> Table:
     for key in rows[0] if rows else ():
         made.add_column(key, justify="right")
     for row in rows:
-        made.add_row(*(f"{value:.3f}" if isinstance(value, float) else str(value) for value in row.values()))
+        made.add_row(
+            *(f"{value:.3f}" if isinstance(value, float) else str(value) for value in row.values())
+        )
     return made
 
 

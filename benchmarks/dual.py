@@ -2,11 +2,14 @@
 
     python benchmarks/dual.py [--part bulkhead|delays|physics|themse ...] [--points N] [--runs N] [--work FOLDER] [--json FILE]
 
-`bulkhead`: points on the bulkhead, whose halves are in the reach of one arm each, with a common strip of a fifth of the width. Each
-arm takes its half column by column, both in the same direction. The makespan of both is compared with that of one arm that does all,
-and drives along the rail once between (20 s, as the domain says). `delays`: problems of the bench, whose steps begin late
-at random, by up to 10 s each; both arms are looked at a hundred times as often as the planner of motions looks. `physics`: a
-hand-over and a carry in MuJoCo. `themse`: eight probes, with one gripper and with two, scheduled without motions. Exits with 1 when a bar is missed: 1.7 times as fast, no collision, 3 mm and 2 degrees.
+`bulkhead`: points on the bulkhead, whose halves are in the reach of one arm each, with a common
+strip of a fifth of the width. Each arm takes its half column by column, both in the same direction.
+The makespan of both is compared with that of one arm that does all, and drives along the rail once
+between (20 s, as the domain says). `delays`: problems of the bench, whose steps begin late at
+random, by up to 10 s each; both arms are looked at a hundred times as often as the planner of
+motions looks. `physics`: a hand-over and a carry in MuJoCo. `themse`: eight probes, with one
+gripper and with two, scheduled without motions. Exits with 1 when a bar is missed: 1.7 times as
+fast, no collision, 3 mm and 2 degrees.
 """
 
 import argparse
@@ -29,7 +32,11 @@ from cellwright.engine.model.outcome import Found
 from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.pipelines.motion.arm_conflicts import ArmEncounters
 from cellwright.engine.pipelines.motion.arm_passing import PassingPlan, kept_apart, moments_of
-from cellwright.engine.pipelines.motion.delay_rehearsal import NO_LOOKS, DelayRehearsal, delayed_begins
+from cellwright.engine.pipelines.motion.delay_rehearsal import (
+    NO_LOOKS,
+    DelayRehearsal,
+    delayed_begins,
+)
 from cellwright.engine.pipelines.motion.moving_plan import MovingRun, plan_moving
 from cellwright.engine.pipelines.motion.plan_walk import PlanWalk
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
@@ -111,7 +118,11 @@ def missed(found: dict[str, Any]) -> bool:
 def bulkhead(count: int, runs: int, work: Path) -> dict[str, Any]:
     """The makespan of two arms and of one, and whether delays let the two collide."""
     target = written(count, work)
-    problem, cell, backend = problem_of(str(target), "", ""), cell_of(str(target)), geometry_backend()
+    problem, cell, backend = (
+        problem_of(str(target), "", ""),
+        cell_of(str(target)),
+        geometry_backend(),
+    )
     began = time.process_time()
     walk = PlanWalk(PlanGate().semantics(problem), cell, backend)
     given = toured(problem_points(target))
@@ -145,7 +156,9 @@ def bulkhead(count: int, runs: int, work: Path) -> dict[str, Any]:
     }
 
 
-def rehearsed(walk: PlanWalk, shared: PassingPlan, encounters: ArmEncounters, runs: int) -> dict[str, Any]:
+def rehearsed(
+    walk: PlanWalk, shared: PassingPlan, encounters: ArmEncounters, runs: int
+) -> dict[str, Any]:
     """Delays of up to 10 s for each step, drawn anew in each run."""
     began, drawn, found = time.process_time(), random.Random(1), NO_LOOKS
     rehearsal = DelayRehearsal(moments_of(walk, shared.plan, shared.steps), encounters)
@@ -164,7 +177,9 @@ def written(count: int, work: Path) -> Path:
     work.mkdir(exist_ok=True)
     cell = yaml.safe_load((TOP / "domains/bulkhead/cell.yaml").read_text())
     made = {
-        name: body for name, body in cell["fixtures"].items() if name in ("web", "ribs", "flanges", "jig")
+        name: body
+        for name, body in cell["fixtures"].items()
+        if name in ("web", "ribs", "flanges", "jig")
     }
     probe = cell["tools"]["us_probe"]["shapes"]
     arms, tools, allowed, places, facts = {}, {}, [], {}, []
@@ -205,7 +220,9 @@ def problem_points(target: Path) -> dict[str, list[tuple[int, float, float]]]:
 
 
 def toured(of: dict[str, list[tuple[int, float, float]]]) -> Plan:
-    """Each arm goes up and down the columns of its half, both in the same direction; step by step in turn."""
+    """Each arm goes up and down the columns of its half, both in the same direction; step by
+    step in turn.
+    """
     tours = {arm: sorted(own, key=_along) for arm, own in of.items()}
     steps, last, number = list[Step](), dict[str, StepId](), 0
     for n in range(max(map(len, tours.values()))):
@@ -227,11 +244,15 @@ def _along(point: tuple[int, float, float]) -> tuple[int, float]:
 def lasting(plan: Plan, steps: Any) -> Plan:
     """The plan with the times of its motions, in whole seconds."""
     times = {each.step: int(np.ceil(each.seconds - 1e-9)) for each in steps}
-    return replace(plan, steps=tuple(replace(s, duration=times.get(s.id, s.duration)) for s in plan.steps))
+    return replace(
+        plan, steps=tuple(replace(s, duration=times.get(s.id, s.duration)) for s in plan.steps)
+    )
 
 
 def themse(probes: int, work: Path) -> dict[str, Any]:
-    """The makespan of THEMSE with one gripper and with two, as the domain says how long steps take; nothing moves."""
+    """The makespan of THEMSE with one gripper and with two, as the domain says how long steps
+    take; nothing moves.
+    """
     found: dict[str, Any] = {"probes": probes}
     for hands in (1, 2):
         target = two_handed(probes, hands, work / f"themse_{hands}")
@@ -249,7 +270,8 @@ def themse(probes: int, work: Path) -> dict[str, Any]:
 
 
 def two_handed(probes: int, hands: int, work: Path) -> Path:
-    """THEMSE with so many probes, depots and grippers, in a folder; the problem file. It has no sensors.
+    """THEMSE with so many probes, depots and grippers, in a folder; the problem file. It has no
+    sensors.
 
     Its devices are copied: what the one hand does in them, any hand does.
     """
@@ -273,7 +295,9 @@ def two_handed(probes: int, hands: int, work: Path) -> Path:
 
 
 def handed(device: Path, to: Path) -> None:
-    """A copy of a device in which each operator of the hand has the hand as its first argument, and which has no sensors."""
+    """A copy of a device in which each operator of the hand has the hand as its first argument,
+    and which has no sensors.
+    """
     to.mkdir(parents=True, exist_ok=True)
     text = yaml.safe_load((device / "device.yaml").read_text())
     for section in ("derived", "events") if text["device"] == "gripper" else ():
@@ -285,14 +309,19 @@ def handed(device: Path, to: Path) -> None:
         if "$hand" in json.dumps(each):
             head, _, rest = name.partition("(")
             name = f"{head}(Hand, {rest}" if rest else f"{head}(Hand)"
-            each = {**json.loads(json.dumps(each).replace("$hand", "Hand")), "types": {"Hand": "gripper"}}
+            each = {
+                **json.loads(json.dumps(each).replace("$hand", "Hand")),
+                "types": {"Hand": "gripper"},
+            }
             each["command"] = {"stream": f"arm({name})", "reply": "done"}
         operators[name] = each
     text["operators"] = operators
     text.pop("commands", None)
     (to / "device.yaml").write_text(json.dumps(text, indent=1))
     rules = (device / "rules.lp").read_text().splitlines()
-    (to / "rules.lp").write_text("\n".join(each for each in rules if not each.startswith("shows(")) + "\n")
+    (to / "rules.lp").write_text(
+        "\n".join(each for each in rules if not each.startswith("shows(")) + "\n"
+    )
 
 
 def moving(name: str) -> tuple[MovingRun, PlanWalk]:
@@ -300,7 +329,10 @@ def moving(name: str) -> tuple[MovingRun, PlanWalk]:
     target, backend = f"dual/{name}", geometry_backend()
     problem, cell = problem_of(target, "", ""), cell_of(target)
     made = plan_moving(
-        problem, cell, backend, lambda p: plan_for_objective(p, SearchLimits(), None, SequenceChoice.SEQUENCE)
+        problem,
+        cell,
+        backend,
+        lambda p: plan_for_objective(p, SearchLimits(), None, SequenceChoice.SEQUENCE),
     )
     return made, PlanWalk(PlanGate().semantics(problem), cell, backend)
 
@@ -321,17 +353,27 @@ def delays(runs: int) -> dict[str, Any]:
 
 
 def physics() -> dict[str, Any]:
-    """How far parts are from where the facts put them, and how far they are turned: after each step, in the hand, too."""
+    """How far parts are from where the facts put them, and how far they are turned: after each
+    step, in the hand, too.
+    """
     from cellwright.engine.pipelines.motion.plan_walk import states_of
-    from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_stage import REST_TIME_S, MujocoStage
-    from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+    from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_stage import (
+        REST_TIME_S,
+        MujocoStage,
+    )
+    from cellwright.engine.stages.geometry.world.geometric_world import (
+        GeometricWorld,
+        world_after_facts,
+    )
 
     off, tilt, touched, ends = 0.0, 0.0, [], {}
     for name, part in (("over", "rod_1"), ("carried", "beam")):
         made, walk = moving(name)
         assert isinstance(made.run.outcome, Found)
         steps = {each.step: each for each in made.steps}
-        stage = MujocoStage(world_after_facts(GeometricWorld.of(walk.cell), walk.semantics.initial()))
+        stage = MujocoStage(
+            world_after_facts(GeometricWorld.of(walk.cell), walk.semantics.initial())
+        )
         for step, before, after in states_of(walk.semantics, made.run.outcome.plan):
             worlds = (
                 world_after_facts(GeometricWorld.of(walk.cell), before),
@@ -346,7 +388,8 @@ def physics() -> dict[str, Any]:
         stage.wait(REST_TIME_S)
         ends[name] = stage.off(worlds[1])[part]
         touched += [
-            f"{name}: {each.first} and {each.second}, {each.force_n} N" for each in stage.touches.found
+            f"{name}: {each.first} and {each.second}, {each.force_n} N"
+            for each in stage.touches.found
         ]
     return {"off_m": off, "tilt_deg": tilt, "touched": touched, "off_in_the_end_m": ends}
 

@@ -1,12 +1,15 @@
-"""What the executive and its journal cost: events a second, memory of a long run, and how long a resumed run takes to begin.
+"""What the executive and its journal cost: events a second, memory of a long run, and how long a
+resumed run takes to begin.
 
     python benchmarks/execution.py [--steps N] [--folder DIR] [--json FILE]
 
-The journal lies in a file on a disk (--folder; else in the folder for temporary files) and is synced as in a real run. Four
-devices switch lamps on and off on a virtual clock. Exits with 1 when a bar is missed: 2,000 events a second with group commit,
-200 records a second with one sync each where the disk allows them, memory that grows by less than a tenth in the second half of
-a long run, and a resume from the journal of that run within 5 s. A step makes three records: --steps 333334 is a journal of a
-million. Resumes from the first half, tenth and hundredth of the journal are shown, too: they cost what the plan has left to do.
+The journal lies in a file on a disk (--folder; else in the folder for temporary files) and is
+synced as in a real run. Four devices switch lamps on and off on a virtual clock. Exits with 1 when
+a bar is missed: 2,000 events a second with group commit, 200 records a second with one sync each
+where the disk allows them, memory that grows by less than a tenth in the second half of a long run,
+and a resume from the journal of that run within 5 s. A step makes three records: --steps 333334 is
+a journal of a million. Resumes from the first half, tenth and hundredth of the journal are shown,
+too: they cost what the plan has left to do.
 """
 
 import argparse
@@ -124,7 +127,9 @@ def run(folder: Path, steps: int) -> dict[str, float]:
         execution = RunExecution("blink", problem, driver, recorder, TimedOrders())
         recorder.note(RecordKind.RUN, **run_document(RunRequest("blink"), problem))
         started, worked = time.perf_counter(), time.process_time()
-        ending = execution.start(program, SymbolicWorld.of(problem, initial_situation(problem).state))
+        ending = execution.start(
+            program, SymbolicWorld.of(problem, initial_situation(problem).state)
+        )
         seconds, work = time.perf_counter() - started, time.process_time() - worked
     assert ending.outcome == "reached", ending
     return {
@@ -148,7 +153,10 @@ def synced_one_by_one(folder: Path, records: int = 1_000) -> float:
 
 
 def syncs_a_second(folder: Path, seconds: float = 2.0) -> float:
-    """How many times a second the disk says that a page is on it, with nothing else done. More than this no journal can be."""
+    """How many times a second the disk says that a page is on it, with nothing else done.
+
+    More than this no journal can be.
+    """
     with (folder / "syncs.bin").open("wb", buffering=0) as file:
         began, count = time.perf_counter(), 0
         while time.perf_counter() - began < seconds:
@@ -159,11 +167,15 @@ def syncs_a_second(folder: Path, seconds: float = 2.0) -> float:
 
 
 def resumed(folder: Path) -> tuple[float, float]:
-    """Seconds of the clock and of the processor to rebuild where the long run stands, from its last checkpoint on, until it can go on."""
+    """Seconds of the clock and of the processor to rebuild where the long run stands, from its
+    last checkpoint on, until it can go on.
+    """
     problem = problem_in(folder)
     with Journal(str(folder / "runs.db")) as journal:
         started, worked = time.perf_counter(), time.process_time()
-        begun = PastRun(SymbolicWorld.of(problem, initial_situation(problem).state), RunScope(problem))
+        begun = PastRun(
+            SymbolicWorld.of(problem, initial_situation(problem).state), RunScope(problem)
+        )
         past = past_of(journal, "blink", begun)
         _, standing = taken_up(past, lambda _stream: 1, past.at_ms)
         assert past.last == journal.last("blink")
@@ -172,7 +184,9 @@ def resumed(folder: Path) -> tuple[float, float]:
 
 
 def resumes(folder: Path, records: int) -> dict[str, float]:
-    """Seconds to go on from the journal, and from parts of it, as if the run had been killed there."""
+    """Seconds to go on from the journal, and from parts of it, as if the run had been killed
+    there.
+    """
     found = {}
     with sqlite3.connect(folder / "runs.db") as database:
         for part in (1, 2, 10, 100):

@@ -1,13 +1,17 @@
-"""The fault matrix: every cause of a fault base, injected at every step where it can show; how each run ends.
+"""The fault matrix: every cause of a fault base, injected at every step where it can show; how each
+run ends.
 
     python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--faults N] [--jobs N] [--cluster ADDRESS] [--json FILE] [TARGET ...]
 
-Without `--samples` the whole matrix; with it, so many runs in all, as many of each target. `--jobs` runs so many at the same
-time, `--cluster` has the workers of a cluster run them. `--second` injects another fault: anywhere in the run, at a step of the recovery from the
-first, or at a step that prepares a test or a repair; `--faults 3` injects a third one, behind the second in the same way. With `--json` what was run is kept there, and the next call goes on behind
-it. The plan is made once; each run is in a simulated cell of its own, on the virtual clock. A run
-passes if it ends with the goals reached, also in the cell as it really is, or with a reason for each goal that is not, if no
-command is carried out twice, and if no two facts that are believed at once exclude each other. Exits with 1 if one does not pass, or if the plan uses an operator that no exception is about.
+Without `--samples` the whole matrix; with it, so many runs in all, as many of each target. `--jobs`
+runs so many at the same time, `--cluster` has the workers of a cluster run them. `--second` injects
+another fault: anywhere in the run, at a step of the recovery from the first, or at a step that
+prepares a test or a repair; `--faults 3` injects a third one, behind the second in the same way.
+With `--json` what was run is kept there, and the next call goes on behind it. The plan is made
+once; each run is in a simulated cell of its own, on the virtual clock. A run passes if it ends with
+the goals reached, also in the cell as it really is, or with a reason for each goal that is not, if
+no command is carried out twice, and if no two facts that are believed at once exclude each other.
+Exits with 1 if one does not pass, or if the plan uses an operator that no exception is about.
 """
 
 import argparse
@@ -33,7 +37,12 @@ from cellwright.engine.pipelines.execution.run_journal import Recorder
 from cellwright.engine.pipelines.jobs import WorkKind, WorkUnit, carried_out, crew_of
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.recovery import Dynamics, SymbolicWorld, WorldState
-from cellwright.engine.pipelines.simulators import HiddenCell, Injection, Simulator, exceptions_of_cause
+from cellwright.engine.pipelines.simulators import (
+    HiddenCell,
+    Injection,
+    Simulator,
+    exceptions_of_cause,
+)
 from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorSettings
 from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from cellwright.kb.model.fault_model import FaultModel
@@ -64,8 +73,12 @@ class Watched(SymbolicWorld):
     def become(self, state: WorldState) -> tuple[tuple[Atom, ...], tuple[Atom, ...]]:
         """Take another state for true."""
         assert self.dynamics is not None
-        pairs = ((each, self.dynamics.displaced(state.facts - {each}, (each,))) for each in state.facts)
-        self.wrong += [f"{each} beside {', '.join(map(str, others))}" for each, others in pairs if others]
+        pairs = (
+            (each, self.dynamics.displaced(state.facts - {each}, (each,))) for each in state.facts
+        )
+        self.wrong += [
+            f"{each} beside {', '.join(map(str, others))}" for each, others in pairs if others
+        ]
         return super().become(state)
 
 
@@ -97,8 +110,14 @@ class Setting:
         ]
 
     def uncovered(self) -> tuple[list[str], list[str]]:
-        """The operators of the domain that no exception is about; of them, those that the plan uses."""
-        known = {each.operator.name for each in self.base.exceptions.values() if each.operator is not None}
+        """The operators of the domain that no exception is about; of them, those that the plan
+        uses.
+        """
+        known = {
+            each.operator.name
+            for each in self.base.exceptions.values()
+            if each.operator is not None
+        }
         left = [each.name for each in self.problem.domain.operators if each.name not in known]
         used = {each.operator.name for each in self.ready.plan.steps}
         return left, [each for each in left if each in used]
@@ -107,7 +126,9 @@ class Setting:
         """One run with faults."""
         cell = HiddenCell(self.problem, self.base, tuple(faults), seed)
         driver, kept = Simulator(cell, SimulatorSettings(seed)), Kept()
-        run = RunExecution("x", self.problem, driver, Recorder(kept, driver.now_ms), TimedOrders(), self.base)
+        run = RunExecution(
+            "x", self.problem, driver, Recorder(kept, driver.now_ms), TimedOrders(), self.base
+        )
         world = Watched.of(self.problem, initial_situation(self.problem).state)
         world.dynamics = cell.dynamics
         return Ran(run.start(self.ready, world), kept, cell, world)
@@ -115,7 +136,9 @@ class Setting:
 
 @dataclass(frozen=True)
 class Ran:
-    """A run that has ended: how, its journal, the cell as it is, and the cell as it was believed to be."""
+    """A run that has ended: how, its journal, the cell as it is, and the cell as it was
+    believed to be.
+    """
 
     ending: Finish
     kept: Kept
@@ -126,7 +149,9 @@ class Ran:
 def fault_of(setting: Setting, made: Ran) -> str:
     """What is wrong with a run; nothing if it passes."""
     ending, cell = made.ending, made.cell
-    numbers = [each.content["command"] for each in made.kept.records if each.kind is RecordKind.COMMAND]
+    numbers = [
+        each.content["command"] for each in made.kept.records if each.kind is RecordKind.COMMAND
+    ]
     if len(set(numbers)) < len(numbers):
         return "a command was sent twice"
     if made.world.wrong:
@@ -151,7 +176,9 @@ class Second(StrEnum):
 def second(
     setting: Setting, faults: Sequence[Injection], where: Second, chance: random.Random, seed: int
 ) -> list[Injection]:
-    """Another fault for a run with some faults, behind the last of them; none if there is no step where it could be."""
+    """Another fault for a run with some faults, behind the last of them; none if there is no
+    step where it could be.
+    """
     if where is Second.RUN:
         return [chance.choice(setting.matrix())]
     records = setting.run(faults, seed).kept.records
@@ -218,7 +245,10 @@ def chosen(setting: Setting, asked: argparse.Namespace, count: int | None) -> di
 
 @dataclass(frozen=True)
 class Sample:
-    """A run of a setting, with a first fault and perhaps others, `many` in all. What it draws depends on its key only."""
+    """A run of a setting, with a first fault and perhaps others, `many` in all.
+
+    What it draws depends on its key only.
+    """
 
     setting: Setting
     where: Second | None

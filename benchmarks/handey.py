@@ -2,11 +2,14 @@
 
     python benchmarks/handey.py [--part relations|localisation|regrasps|place|ablation|monitoring|pegs ...] [--number N] [--first SEED] [--json FILE]
 
-Relations: transforms are recovered from random consistent sets, by the worst entry. Localisation: N random scenes, of which the part
-must be found within 2 mm and 1 degree, and as many without the part, in which nothing must be found; processor time of each. Regrasps: the
-shortest sequence of random graphs beside brute force, and how often a grasp that was chosen without the goal's obstacles fails
-there. PLACE: the bundled scene with the part in N drawn places, also executed if MuJoCo is installed. Ablation: how often the best
-grasp where the part lies fails at the goal. Monitoring: N scripted operators, half of whom spoil the goal. Pegs: N insertions in MuJoCo. Exits with 1 where an answer is wrong.
+Relations: transforms are recovered from random consistent sets, by the worst entry. Localisation: N
+random scenes, of which the part must be found within 2 mm and 1 degree, and as many without the
+part, in which nothing must be found; processor time of each. Regrasps: the shortest sequence of
+random graphs beside brute force, and how often a grasp that was chosen without the goal's obstacles
+fails there. PLACE: the bundled scene with the part in N drawn places, also executed if MuJoCo is
+installed. Ablation: how often the best grasp where the part lies fails at the goal. Monitoring: N
+scripted operators, half of whom spoil the goal. Pegs: N insertions in MuJoCo. Exits with 1 where an
+answer is wrong.
 """
 
 import argparse
@@ -52,12 +55,17 @@ Figures = dict[str, Any]
 
 
 def relations(number: int, first: int) -> Figures:
-    """The worst entry by which transforms from three relations differ from those that the relations were made with."""
+    """The worst entry by which transforms from three relations differ from those that the
+    relations were made with.
+    """
     worst, wrong = 0.0, 0
     for seed in range(first, first + number):
         random = np.random.default_rng(seed)
         T = np.eye(4)
-        T[:3, :3], T[:3, 3] = rotation_by_vector(random.normal(size=3)), random.uniform(-0.5, 0.5, 3)
+        T[:3, :3], T[:3, 3] = (
+            rotation_by_vector(random.normal(size=3)),
+            random.uniform(-0.5, 0.5, 3),
+        )
         found = assemble_parts(_consistent(random, T), "b")
         apart = np.abs(found.poses["a"] - T).max() if isinstance(found, Assembled) else np.inf
         worst, wrong = max(worst, float(apart)), wrong + int(apart > 1e-9)
@@ -70,7 +78,9 @@ def _consistent(random: np.random.Generator, T: Any) -> list[Relation]:
     made = []
     for n, normal in enumerate(normals):
         kind = RelationKind.AGAINST if random.random() < 0.5 else RelationKind.COPLANAR
-        own = PartFeature("a", f"f{n}", FeatureKind.PLANE, normal * random.uniform(-0.1, 0.1), normal)
+        own = PartFeature(
+            "a", f"f{n}", FeatureKind.PLANE, normal * random.uniform(-0.1, 0.1), normal
+        )
         outward = T[:3, :3] @ normal
         at = apply(T, own.point[None])[0] + np.cross(outward, random.normal(size=3))
         sense = -outward if kind is RelationKind.AGAINST else outward
@@ -79,7 +89,9 @@ def _consistent(random: np.random.Generator, T: Any) -> list[Relation]:
 
 
 def localisation(number: int, first: int) -> Figures:
-    """How many parts are found within 2 mm and 1 degree, how many wrongly, and the processor times in seconds."""
+    """How many parts are found within 2 mm and 1 degree, how many wrongly, and the processor
+    times in seconds.
+    """
     counts: Counter[str] = Counter()
     times, wrong, missed, metres_all, radians_all = [], [], [], [], []
     for seed, present in product(range(first, first + number), (True, False)):
@@ -144,7 +156,8 @@ def _brute_force(start: Any, goal: Any, possible: Any) -> int | None:
 
 
 def ablation(number: int, first: int) -> Figures:
-    """How often the grasp that is best where the wheel lies fails at its goal: without the goal's obstacles, it would be taken.
+    """How often the grasp that is best where the wheel lies fails at its goal: without the goal's
+    obstacles, it would be taken.
 
     The wheel lies on a drawn side in a drawn place.
     """
@@ -171,7 +184,9 @@ def ablation(number: int, first: int) -> Figures:
 
 
 def monitoring(number: int, first: int) -> Figures:
-    """Scripted operators, every other of whom spoils the goal: who was warned, and how long one look ahead took."""
+    """Scripted operators, every other of whom spoils the goal: who was warned, and how long one
+    look ahead took.
+    """
     counts: Counter[str] = Counter()
     times = []
     for seed in range(first, first + number):
@@ -185,14 +200,21 @@ def monitoring(number: int, first: int) -> Figures:
 
 
 def pegs(number: int, first: int) -> Figures:
-    """Pegs up to 1.5 mm beside holes that are 0.2 mm wider, with a search and without. Needs the extra `mujoco`."""
+    """Pegs up to 1.5 mm beside holes that are 0.2 mm wider, with a search and without.
+
+    Needs the extra `mujoco`.
+    """
     from cellwright.engine.pipelines.manipulation.peg_insertion import RoundPeg, simulate_insertion
 
     peg, counts, forces = RoundPeg(), Counter[str](), []
     times: dict[str, list[float]] = {HoleSearch.SPIRAL.value: [], HoleSearch.TILT.value: []}
     for seed in range(first, first + number):
         random = np.random.default_rng(seed)
-        angle, away, tilt = random.uniform(0, 2 * np.pi), random.uniform(0, 0.0015), random.normal(0, 0.002)
+        angle, away, tilt = (
+            random.uniform(0, 2 * np.pi),
+            random.uniform(0, 0.0015),
+            random.normal(0, 0.002),
+        )
         error = away * np.array([np.cos(angle), np.sin(angle)])
         for search in HoleSearch:
             room = peg.clearance_m / 2
@@ -235,7 +257,9 @@ def main() -> int:
         Console().print(part, found)
     if asked.json:
         asked.json.write_text(json.dumps(figures, indent=1))
-    return int(any(found.get("wrong", 0) or found.get("wrong in all", 0) for found in figures.values()))
+    return int(
+        any(found.get("wrong", 0) or found.get("wrong in all", 0) for found in figures.values())
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""Scripted operators: half of them bring a wheel to its goal, the others spoil that on the way, each in one of three ways."""
+"""Scripted operators: half of them bring a wheel to its goal, the others spoil that on the way,
+each in one of three ways.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -30,13 +32,17 @@ from cellwright.kb.targets import BUNDLED_DOMAINS
 
 SCENE = load_scene(BUNDLED_DOMAINS / "handey" / "scenes" / "turning.yaml")
 WHEEL = solid_of(SCENE.cell.bodies["wheel"])
-RESTS = {each.facet: each.T_table_part for each in stable_placements(WHEEL, volume_and_centre(WHEEL)[1])}
+RESTS = {
+    each.facet: each.T_table_part for each in stable_placements(WHEEL, volume_and_centre(WHEEL)[1])
+}
 SPOILS = ("a grasp that cannot place", "laid down wrongly", "something on the goal")
 
 
 @dataclass(frozen=True)
 class Script:
-    """The world at first, and what happens then; `spoils` says how it is spoilt (empty: it is not)."""
+    """The world at first, and what happens then; `spoils` says how it is spoilt (empty: it is
+    not).
+    """
 
     state: WatchedWorld
     events: tuple[Event, ...]
@@ -57,7 +63,10 @@ def script(seed: int) -> Script:
     )
     state = WatchedWorld(site, "wheel", found.T_world_goal, found.T_world_part)
     legs = found.carries[0].legs
-    taken, let_go = OperatorAct(legs[1].path[-1], JawsAct.CLOSE), OperatorAct(legs[4].path[-1], JawsAct.OPEN)
+    taken, let_go = (
+        OperatorAct(legs[1].path[-1], JawsAct.CLOSE),
+        OperatorAct(legs[4].path[-1], JawsAct.OPEN),
+    )
     above = OperatorAct(legs[3].path[len(legs[3].path) // 2])
     spoils = SPOILS[seed // 2 % 3] if seed % 2 else ""
     way: tuple[Event, ...] = (taken, above, let_go)
@@ -71,7 +80,9 @@ def script(seed: int) -> Script:
         at += [random.uniform(-0.02, 0.02), random.uniform(-0.02, 0.02), 0.0]
         way = (
             taken,
-            BodyShifted("brick", transform(np.eye(3), np.array([*at[:2], state.T_goal[2, 3] + 0.04]))),
+            BodyShifted(
+                "brick", transform(np.eye(3), np.array([*at[:2], state.T_goal[2, 3] + 0.04]))
+            ),
             above,
         )
     return Script(state, way, spoils)
@@ -88,18 +99,26 @@ def lying(random: np.random.Generator, facet: str) -> Scene:
     at = Placement("world", transforms.to_pose(_table(random) @ RESTS[facet]))
     return replace(
         SCENE,
-        cell=replace(SCENE.cell, bodies={**bodies, "wheel": replace(bodies["wheel"], placement=at)}),
+        cell=replace(
+            SCENE.cell, bodies={**bodies, "wheel": replace(bodies["wheel"], placement=at)}
+        ),
     )
 
 
 def _useless(state: WatchedWorld) -> Floats | None:
-    """A configuration with which the wheel is held so that it cannot be let go at its goal; None if all grasps can."""
+    """A configuration with which the wheel is held so that it cannot be let go at its goal;
+    None if all grasps can.
+    """
     task = state.site.task("wheel", (state.T_world_part, state.T_goal))
     useless = possible_holds(task, state.T_world_part) & ~possible_holds(task, state.T_goal)
     for n in np.nonzero(useless)[0]:
         width = task.holds.grasps[task.holds.grasp_of[n]].opening
-        reach = ArmReach(with_hand(task.world, task.scene, task.holds.jaws, width), task.scene.hand.arm)
-        found = reach.configurations(state.T_world_part @ task.holds.poses[n], task.world.configuration)
+        reach = ArmReach(
+            with_hand(task.world, task.scene, task.holds.jaws, width), task.scene.hand.arm
+        )
+        found = reach.configurations(
+            state.T_world_part @ task.holds.poses[n], task.world.configuration
+        )
         if len(found):
             return found[0]
     return None

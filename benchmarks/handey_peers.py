@@ -1,9 +1,12 @@
-"""Peers on the same scenes: Open3D's registration for localisation (if it is installed), and a sampler of antipodal grasps.
+"""Peers on the same scenes: Open3D's registration for localisation (if it is installed), and a
+sampler of antipodal grasps.
 
-Open3D: features of both clouds (FPFH), RANSAC over them, then ICP from points to planes, as its own tutorial does it. It gets what is new
-in the image as points, and the part as points of its surface. It knows no "not found", so a share of inliers has to decide: the one
-that nine tenths of its right answers reach. Sampler: random points of the surface, a ray in the friction cone against the normal, kept where it
-leaves the part within the friction cone of the other side (Nguyen 1988; as in Dex-Net's sampler).
+Open3D: features of both clouds (FPFH), RANSAC over them, then ICP from points to planes, as its own
+tutorial does it. It gets what is new in the image as points, and the part as points of its surface.
+It knows no "not found", so a share of inliers has to decide: the one that nine tenths of its right
+answers reach. Sampler: random points of the surface, a ray in the friction cone against the normal,
+kept where it leaves the part within the friction cone of the other side (Nguyen 1988; as in
+Dex-Net's sampler).
 """
 
 import time
@@ -20,7 +23,12 @@ from cellwright.engine.kernels.rigid import difference, rotation, transform
 from cellwright.engine.model.geometry import Solid
 from cellwright.engine.model.manipulation_values import Assembled, Grasp
 from cellwright.engine.model.vision import LocatedPart
-from cellwright.engine.pipelines.manipulation.part_grasps import HOLD_TURNS, PartHolds, jaws_of, part_holds
+from cellwright.engine.pipelines.manipulation.part_grasps import (
+    HOLD_TURNS,
+    PartHolds,
+    jaws_of,
+    part_holds,
+)
 from cellwright.engine.pipelines.manipulation.place_operation import goal_of
 from cellwright.engine.pipelines.manipulation.regrasp_paths import possible_holds
 from cellwright.engine.pipelines.manipulation.scene_camera import look_for_parts
@@ -98,14 +106,18 @@ class _Tally:
 
 
 def _registered(made: Trial, seed: int) -> tuple[Floats, float]:
-    """T_camera_part as Open3D finds it, and the share of the part's points that have a neighbour."""
+    """T_camera_part as Open3D finds it, and the share of the part's points that have a
+    neighbour.
+    """
     import open3d as o3d  # type: ignore[import-not-found]
 
     o3d.utility.random.seed(seed)
     registration = o3d.pipelines.registration
     part, scene = _cloud(_surface(made.part, 6000, seed)), _cloud(_new_points(made))
     features = [
-        registration.compute_fpfh_feature(each, o3d.geometry.KDTreeSearchParamHybrid(5 * VOXEL_M, 100))
+        registration.compute_fpfh_feature(
+            each, o3d.geometry.KDTreeSearchParamHybrid(5 * VOXEL_M, 100)
+        )
         for each in (part, scene)
     ]
     coarse = registration.registration_ransac_based_on_feature_matching(
@@ -123,7 +135,11 @@ def _registered(made: Trial, seed: int) -> tuple[Floats, float]:
         registration.RANSACConvergenceCriteria(100000, 0.999),
     )
     fine = registration.registration_icp(
-        part, scene, VOXEL_M, coarse.transformation, registration.TransformationEstimationPointToPlane()
+        part,
+        scene,
+        VOXEL_M,
+        coarse.transformation,
+        registration.TransformationEstimationPointToPlane(),
     )
     return np.array(fine.transformation), float(fine.fitness)
 
@@ -142,7 +158,9 @@ def _new_points(made: Trial) -> Floats:
     v, u = np.nonzero((made.image.depth > 0) & ~made.ground.known)
     keep = (v % STRIDE == 0) & (u % STRIDE == 0)
     v, u = v[keep], u[keep]
-    found: Floats = made.image.camera.rays(u.astype(float), v.astype(float)) * made.image.depth[v, u][:, None]
+    found: Floats = (
+        made.image.camera.rays(u.astype(float), v.astype(float)) * made.image.depth[v, u][:, None]
+    )
     return found
 
 
@@ -162,7 +180,9 @@ def _sampled(solid: Solid, count: int, random: np.random.Generator) -> tuple[Flo
 
 
 def _grasps(number: int, first: int) -> Figures:
-    """In how many scenes some grasp serves both where the part lies and at its goal, and what finding all grasps takes."""
+    """In how many scenes some grasp serves both where the part lies and at its goal, and what
+    finding all grasps takes.
+    """
     scene = load_scene(BUNDLED_DOMAINS / "handey" / "scene.yaml")
     figures: dict[str, Figures] = {}
     for seed in range(first, first + number):
@@ -199,7 +219,9 @@ def _task(scene: Scene, seed: int) -> PlaceTask:
 
 
 def _antipodal(scene: Scene, solid: Solid, seed: int) -> PartHolds:
-    """Holds at sampled points whose lines lie in the friction cones of both sides, where the hand meets nothing of the part."""
+    """Holds at sampled points whose lines lie in the friction cones of both sides, where the
+    hand meets nothing of the part.
+    """
     random, jaws = np.random.default_rng(seed), jaws_of(scene)
     found = []
     for point, normal in zip(*_sampled(solid, SAMPLES, random), strict=True):
@@ -225,7 +247,9 @@ def _antipodal(scene: Scene, solid: Solid, seed: int) -> PartHolds:
 
 
 def _leaves(solid: Solid, start: Floats, way: Floats) -> tuple[float, Floats] | None:
-    """How far a ray goes inside a solid, and the normal where it leaves (Moller & Trumbore 1997)."""
+    """How far a ray goes inside a solid, and the normal where it leaves (Moller & Trumbore
+    1997).
+    """
     a, b, c = np.moveaxis(solid.corners, 1, 0)
     one, other = b - a, c - a
     across = np.cross(way, other)

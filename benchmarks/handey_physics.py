@@ -1,4 +1,6 @@
-"""PLACE as a whole, pegs, three fingers and an assembly, planned and carried out in MuJoCo (an extra)."""
+"""PLACE as a whole, pegs, three fingers and an assembly, planned and carried out in MuJoCo (an
+extra).
+"""
 
 import time
 from collections import Counter
@@ -26,11 +28,14 @@ from cellwright.kb.targets import BUNDLED_DOMAINS
 Figures = dict[str, Any]
 NEAR_M = 0.003
 ROOM_M = 0.02  # between things that lie on the table
-UPRIGHT = 0.5  # of the parts lie as they are to be placed; the others on any side on which they can lie
+# of the parts lie as they are to be placed; the others on any side on which they can lie
+UPRIGHT = 0.5
 
 
 def place_whole(number: int, first: int, name: str = "scene.yaml") -> Figures:
-    """The bundled scene with the part on a drawn side, in a drawn place, among drawn clutter: what comes of it, in seconds of the processor."""
+    """The bundled scene with the part on a drawn side, in a drawn place, among drawn clutter:
+    what comes of it, in seconds of the processor.
+    """
     scene = load_scene(BUNDLED_DOMAINS / "handey" / name)
     counts: Counter[str] = Counter()
     times, off, odd = [], [], []
@@ -95,7 +100,9 @@ def drawn_scene(scene: Scene, part: str, seed: int) -> tuple[Scene, Floats]:
 
 
 def _lowered(T: Floats, points: Floats) -> Floats:
-    """A pose without its place in the plane, at which the lowest of some points touches the table."""
+    """A pose without its place in the plane, at which the lowest of some points touches the
+    table.
+    """
     found = T.copy()
     found[:3, 3] = 0.0
     found[2, 3] = -apply(found, points)[:, 2].min()
@@ -103,7 +110,9 @@ def _lowered(T: Floats, points: Floats) -> Floats:
 
 
 def _executed(scene: Scene, part: str, found: Placed) -> tuple[str, float]:
-    """How physics carries out a plan (`done`: within 3 mm, and nothing else was touched), and how far the part then is from its goal."""
+    """How physics carries out a plan (`done`: within 3 mm, and nothing else was touched), and
+    how far the part then is from its goal.
+    """
     from cellwright.engine.pipelines.manipulation.assembly_execution import execute_carries
     from cellwright.engine.pipelines.manipulation.mujoco_cell import MujocoCell
 
@@ -126,10 +135,12 @@ MOST_M, IN_M, DEEP_M = (
 
 
 def pegs_by_arm(number: int, first: int) -> Figures:
-    """The arm puts pegs into a hole up to 1.5 mm beside where it is believed, 0.2 mm wider than the peg.
+    """The arm puts pegs into a hole up to 1.5 mm beside where it is believed, 0.2 mm wider than the
+    peg.
 
-    Without compliance it goes straight down; with it, it searches on a spiral, or with a tilted peg. The arm takes the peg from the table
-    once; each try goes on from where it then holds it above the hole.
+    Without compliance it goes straight down; with it, it searches on a spiral, or with a tilted
+    peg. The arm takes the peg from the table once; each try goes on from where it then holds it
+    above the hole.
     """
     counts: Counter[str] = Counter()
     seconds: dict[str, list[float]] = {}
@@ -164,13 +175,18 @@ class _Held:
         self.then, self.q = shop.stage.data, shop.q
 
     def inserted(self, search: HoleSearch, beside: Floats) -> tuple[str, float]:
-        """How a peg ends whose hole is beside where it is believed: `in`, or how it went; and after how many seconds."""
+        """How a peg ends whose hole is beside where it is believed: `in`, or how it went; and
+        after how many seconds.
+        """
         import mujoco
 
         from cellwright.engine.pipelines.manipulation.carry_execution import put_down
         from cellwright.engine.pipelines.manipulation.mujoco_cell import MujocoCell
 
-        plan, moved = self.carry.insertion, GeometricWorld.of(self.scene.cell).pose("world", "block").copy()
+        plan, moved = (
+            self.carry.insertion,
+            GeometricWorld.of(self.scene.cell).pose("world", "block").copy(),
+        )
         assert plan is not None
         moved[:3, 3] += beside
         shop = MujocoCell(self.scene, {"block": moved})

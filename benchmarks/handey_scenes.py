@@ -1,4 +1,6 @@
-"""Random scenes for localisation: six parts of the kinds of Handey's figures, and worse, on a table, partly hidden."""
+"""Random scenes for localisation: six parts of the kinds of Handey's figures, and worse, on a
+table, partly hidden.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,12 +31,17 @@ def prism(name: str, polygon: Polygon, height: float) -> Solid:
     low = np.column_stack([flat, np.full(len(flat), -height / 2)])
     high = low + np.array([0.0, 0.0, height])
     up = np.array([0.0, 0.0, 1.0])
-    surfaces = [("top", triangulate_polygon(high, up)), ("bottom", triangulate_polygon(low[::-1], -up))]
+    surfaces = [
+        ("top", triangulate_polygon(high, up)),
+        ("bottom", triangulate_polygon(low[::-1], -up)),
+    ]
     for n in range(len(flat)):
         m = (n + 1) % len(flat)
         side = np.array([low[n], low[m], high[m], high[n]])
         normal = np.cross(side[1] - side[0], side[2] - side[1])
-        surfaces.append((f"side_{n + 1}", triangulate_polygon(side, normal / np.linalg.norm(normal))))
+        surfaces.append(
+            (f"side_{n + 1}", triangulate_polygon(side, normal / np.linalg.norm(normal)))
+        )
     return make_solid(name, surfaces)
 
 
@@ -93,7 +100,10 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Trial:
-    """An image, what is known of it, the part to be found, and where it is (None: nowhere). `seen` is its visible share."""
+    """An image, what is known of it, the part to be found, and where it is (None: nowhere).
+
+    `seen` is its visible share.
+    """
 
     image: DepthImage
     ground: KnownScene
@@ -112,7 +122,9 @@ EMPTY = render_depths([TABLE], CAMERA)[0].depth
 
 
 def trial(seed: int, present: bool = True) -> Trial:
-    """A scene of six parts, the first of which is to be found; it is taken away unless `present`."""
+    """A scene of six parts, the first of which is to be found; it is taken away unless
+    `present`.
+    """
     random = np.random.default_rng(seed)
     parts = _laid(random)
     cover = _cover(random, *parts[0]) if random.random() < 0.6 else []
@@ -123,7 +135,9 @@ def trial(seed: int, present: bool = True) -> Trial:
     image = disturb_image(_view(things), SENSOR, seed)
     known = np.abs(image.depth - EMPTY) < 4 * SENSOR.noise_m
     target, T = parts[0]
-    return Trial(image, KnownScene(known, (FLOOR,)), target, T_CAMERA_WORLD @ T if present else None, seen)
+    return Trial(
+        image, KnownScene(known, (FLOOR,)), target, T_CAMERA_WORLD @ T if present else None, seen
+    )
 
 
 def _view(things: list[tuple[Solid, Floats]]) -> DepthImage:
@@ -173,7 +187,9 @@ def _lying(random: np.random.Generator, part: Solid) -> Floats:
 
 
 def separate(one: Floats, other: Floats, by: float = 1e-3) -> bool:
-    """Whether the hulls of two sets of points (n, 2) are so far apart (m) along one of their edges' normals."""
+    """Whether the hulls of two sets of points (n, 2) are so far apart (m) along one of their
+    edges' normals.
+    """
     for points in (one, other):
         for normal in ConvexHull(points).equations[:, :2]:
             if (one @ normal).min() > (other @ normal).max() + by:
@@ -187,7 +203,10 @@ def _cover(random: np.random.Generator, part: Solid, T: Floats) -> list[tuple[So
     """A plate above a part that hides some of it from one side."""
     points = apply(T, part.vertices)
     angle, share = random.uniform(0, 2 * np.pi), random.uniform(0.1, 0.5)
-    along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    along, across = (
+        np.array([np.cos(angle), np.sin(angle)]),
+        np.array([-np.sin(angle), np.cos(angle)]),
+    )
     heights = points[:, :2] @ along
     begins = heights.max() - share * np.ptp(heights)
     plate = slab(0.3, 0.3, 0.01)

@@ -1,15 +1,18 @@
-"""Shapes and alignments from measured points whose truth is known: how often the stated uncertainty holds, and what it costs.
+"""Shapes and alignments from measured points whose truth is known: how often the stated uncertainty
+holds, and what it costs.
 
     python benchmarks/inspection.py [--part patches] [--part analytic] [--part alignment] [--part job] [--patches N] [--alignments N] [--points N] [--seeds N ...]
         [--xsd FILE] [--json FILE]
 
-The patches are rendered (`inspection_patches.py`). Bars: 94 to 96 % of the errors lie within the stated 95 %, and the mean error is less than a
-tenth of the standard deviation, over all dimensions; for each dimension the same, give or take two standard errors of so many
-patches. The analytic ones are grids of beams on shapes in closed form; a tenth of their ranges is wrong by up to 10 mm; the same bars,
-over all. An alignment has 20 datums on a
-part of 5 m by 2 m that is displaced by up to 30 mm and 5 degrees; two of them are wrong by 1 to 20 mm, the others by noise of
-0.1 mm. Asked to be within 0.05 mm and 0.02 degrees, it is right or refused. The job is told in `inspection_job.py`: every bad value of six standard deviations and more is caught, no
-measurement is lost, and no more of the decisions are wrong than the stated 5 %. With --xsd, its results as QIF are checked by the
+The patches are rendered (`inspection_patches.py`). Bars: 94 to 96 % of the errors lie within the
+stated 95 %, and the mean error is less than a tenth of the standard deviation, over all dimensions;
+for each dimension the same, give or take two standard errors of so many patches. The analytic ones
+are grids of beams on shapes in closed form; a tenth of their ranges is wrong by up to 10 mm; the
+same bars, over all. An alignment has 20 datums on a part of 5 m by 2 m that is displaced by up to
+30 mm and 5 degrees; two of them are wrong by 1 to 20 mm, the others by noise of 0.1 mm. Asked to be
+within 0.05 mm and 0.02 degrees, it is right or refused. The job is told in `inspection_job.py`:
+every bad value of six standard deviations and more is caught, no measurement is lost, and no more
+of the decisions are wrong than the stated 5 %. With --xsd, its results as QIF are checked by the
 schema and read back. Exits with 1 when a bar is missed.
 """
 
@@ -43,7 +46,9 @@ Surface = Callable[[Floats], Floats]
 
 
 def beams() -> Floats:
-    """The directions (n, 3) of a patch of beams from the tool, which looks down from z = STAND_OFF_M."""
+    """The directions (n, 3) of a patch of beams from the tool, which looks down from z =
+    STAND_OFF_M.
+    """
     u, v = np.meshgrid(np.linspace(-HALF_M, HALF_M, SIDE), np.linspace(-HALF_M, HALF_M, SIDE))
     down = np.stack([u.ravel(), v.ravel(), np.full(u.size, -STAND_OFF_M)], axis=1)
     found: Floats = down / np.linalg.norm(down, axis=1, keepdims=True)
@@ -60,7 +65,9 @@ def hit(surface: Surface, directions: Floats) -> Floats:
 
 
 def surface_of(shape: FitShape, random: np.random.Generator) -> tuple[Surface, dict[str, float]]:
-    """A signed distance whose surface passes near the origin, and the sizes that a fit should find."""
+    """A signed distance whose surface passes near the origin, and the sizes that a fit should
+    find.
+    """
     radius, angle = random.uniform(0.006, 0.015), random.uniform(0.2, 0.6)
     lean = rotation_by_vector(
         np.array([random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3), random.uniform(-3.0, 3.0)])
@@ -87,7 +94,10 @@ def patch(shape: FitShape, random: np.random.Generator) -> tuple[Cloud, dict[str
     directions = beams()
     ranges = hit(surface, directions)
     seen = np.isfinite(ranges)
-    directions, ranges = directions[seen], ranges[seen] + random.normal(0.0, NOISE_M, int(seen.sum()))
+    directions, ranges = (
+        directions[seen],
+        ranges[seen] + random.normal(0.0, NOISE_M, int(seen.sum())),
+    )
     wrong = random.random(len(ranges)) < WRONG
     ranges[wrong] += random.uniform(-0.01, 0.01, int(wrong.sum()))
     points = np.array([0.0, 0.0, STAND_OFF_M]) + ranges[:, None] * directions
@@ -109,7 +119,10 @@ def circle(random: np.random.Generator) -> tuple[Cloud, dict[str, float]]:
 
 
 def error(found: Fit, truth: dict[str, float]) -> tuple[float, float]:
-    """The error of a fit's size, and its stated standard deviation. A plane's is how far it passes from the origin."""
+    """The error of a fit's size, and its stated standard deviation.
+
+    A plane's is how far it passes from the origin.
+    """
     if "tilt" in truth:
         z = float(found.axis @ found.origin)
         by = np.array([1.0, *(found.T_world_shape[:3, :2].T @ found.origin)])
@@ -146,7 +159,11 @@ def missed(found: dict[str, Any]) -> list[str]:
     said = []
     for seed in found.get("seeds", ()):
         every, parts = found[seed].get("analytic", {}).get("all"), found[seed].get("alignments")
-        of_all = (*_of_patches(every), *_of_rendered(found[seed].get("patches")), *_of_alignments(parts))
+        of_all = (
+            *_of_patches(every),
+            *_of_rendered(found[seed].get("patches")),
+            *_of_alignments(parts),
+        )
         said += [f"seed {seed}: {each}" for each in of_all]
     return said + jobs_missed(found.get("jobs", []))
 
@@ -163,7 +180,9 @@ def _of_patches(every: dict[str, Any] | None) -> list[str]:
 
 
 def _of_rendered(rows: dict[str, Any] | None) -> list[str]:
-    """The bars that all dimensions together miss, and those that single ones miss by more than two standard errors."""
+    """The bars that all dimensions together miss, and those that single ones miss by more than
+    two standard errors.
+    """
     said = _of_patches((rows or {}).get("all"))
     for name, row in (rows or {}).items():
         if name == "peers":
@@ -179,7 +198,8 @@ def _of_alignments(parts: dict[str, Any] | None) -> list[str]:
     if parts is None:
         return []
     bars = {
-        "looked again: wrong": "are farther off than 0.05 mm or 0.02 degrees, though datums were looked at again",
+        "looked again: "
+        "wrong": "are farther off than 0.05 mm or 0.02 degrees, though datums were looked at again",
         "wrong datum kept": "kept a wrong datum",
         "asked: wrong": "are farther off than 0.05 mm or 0.02 degrees",
     }
@@ -212,7 +232,10 @@ def main() -> int:
     parser.add_argument("--xsd", type=Path)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    found: dict[str, Any] = {"seeds": asked.seeds, **{seed: measured(asked, seed) for seed in asked.seeds}}
+    found: dict[str, Any] = {
+        "seeds": asked.seeds,
+        **{seed: measured(asked, seed) for seed in asked.seeds},
+    }
     if "job" in (asked.part or PARTS):
         found["jobs"] = list[dict[str, Any]]()
         for seed in asked.seeds:

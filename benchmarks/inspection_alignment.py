@@ -1,4 +1,6 @@
-"""Displaced parts whose datums were measured, some of them wrongly: how often the place that is found is right, wrong or refused."""
+"""Displaced parts whose datums were measured, some of them wrongly: how often the place that is
+found is right, wrong or refused.
+"""
 
 import time
 from dataclasses import dataclass, field, replace
@@ -22,7 +24,9 @@ LOOKS, PLACES = 12, [(x, y, z) for x in (-2.5, 2.5) for y in (-1.0, 1.0) for z i
 
 
 def alignments(count: int, seed: int) -> dict[str, Any]:
-    """Displaced parts: how often the place is right, wrong or refused, alone and when 0.05 mm is asked for."""
+    """Displaced parts: how often the place is right, wrong or refused, alone and when 0.05 mm
+    is asked for.
+    """
     random = np.random.default_rng([seed, 99])
     centre, farthest = np.array([[0.0, 0.0, 0.0]]), [(2.5, 1.0, 0.25), (-2.5, -1.0, 0.0)]
     told: dict[str, Any] = {
@@ -61,15 +65,23 @@ def alignments(count: int, seed: int) -> dict[str, Any]:
             told["asked: refused"] += 1
     told |= looked.told()
     told |= {"centre mm": spread(centres), "turn degrees": spread(turns)}
-    told["centre within 0.05 mm"] = round(float(np.mean(np.array(centres or [0.0]) <= 1e3 * WITHIN_M)), 3)
-    return {**told, **summary(off), "ms": round(1e3 * (time.process_time() - began) / max(1, count), 1)}
+    told["centre within 0.05 mm"] = round(
+        float(np.mean(np.array(centres or [0.0]) <= 1e3 * WITHIN_M)), 3
+    )
+    return {
+        **told,
+        **summary(off),
+        "ms": round(1e3 * (time.process_time() - began) / max(1, count), 1),
+    }
 
 
 @dataclass
 class Looked:
-    """Datums that are looked at again, until every place of the part is known to 0.05 mm (two standard deviations), or refused.
+    """Datums that are looked at again, until every place of the part is known to 0.05 mm (two
+    standard deviations), or refused.
 
-    A part counts as right if its middle is within 0.05 mm and its turn within 0.02 degrees. How far the farthest place is off is told beside it.
+    A part counts as right if its middle is within 0.05 mm and its turn within 0.02 degrees. How far
+    the farthest place is off is told beside it.
     """
 
     right: int = 0
@@ -80,12 +92,16 @@ class Looked:
     farthest: list[float] = field(default_factory=list)
     turns: list[float] = field(default_factory=list)
 
-    def take(self, found: Alignment, datums: Datums, T: Floats, random: np.random.Generator) -> None:
+    def take(
+        self, found: Alignment, datums: Datums, T: Floats, random: np.random.Generator
+    ) -> None:
         """Look again at the datums that an alignment used, and judge what comes of it."""
         once = np.full(DATUMS, DATUM_NOISE_M)
         sums, counts = datums.measured.copy(), np.ones(DATUMS)
         for _ in range(LOOKS):
-            looks = count_further_looks(found, datums, once, PLACES, WITHIN_M, LOOKS - int(counts.max()))
+            looks = count_further_looks(
+                found, datums, once, PLACES, WITHIN_M, LOOKS - int(counts.max())
+            )
             if not looks:
                 break
             for number in (datums.names.index(name) for name in looks):
@@ -127,7 +143,9 @@ class Looked:
             "farthest then mm": self.farthest,
             "turn then degrees": self.turns,
         }
-        return counts | {name: spread([float(each) for each in values]) for name, values in spreads.items()}
+        return counts | {
+            name: spread([float(each) for each in values]) for name, values in spreads.items()
+        }
 
 
 def spread(errors: list[float]) -> dict[str, float]:
@@ -151,4 +169,8 @@ def displaced(random: np.random.Generator) -> tuple[Floats, Datums, list[int]]:
     measured[spoilt] += normals[spoilt] * random.uniform(0.001, 0.02, (SPOILT, 1))
     names = tuple(f"d{number}" for number in range(DATUMS))
     whole = np.ones(DATUMS, bool)
-    return T, Datums(names, nominal, normals, measured, np.full(DATUMS, DATUM_NOISE_M), whole), spoilt
+    return (
+        T,
+        Datums(names, nominal, normals, measured, np.full(DATUMS, DATUM_NOISE_M), whole),
+        spoilt,
+    )

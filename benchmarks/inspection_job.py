@@ -1,9 +1,12 @@
-"""A whole inspection in simulation whose truth is known: the bulkhead with its datums, both tools, bad values and a broken probe.
+"""A whole inspection in simulation whose truth is known: the bulkhead with its datums, both tools,
+bad values and a broken probe.
 
-The points are those of `bulkhead/thousand`, a quarter of them profiles; 20 datums on three sides of the part, two of them bad. The part is
-displaced by up to 30 mm and 5 degrees. Thicknesses and surfaces vary smoothly over the part, so that about a tenth of the points
-is near a limit or beyond it, and five points have real dents. Two percent of the first values are wrong by 6 to 40 standard deviations. The probe breaks at its
-400th measurement, or in the middle of a smaller job. Everything is done by the commands `run` and `results`, and read from what they write.
+The points are those of `bulkhead/thousand`, a quarter of them profiles; 20 datums on three sides of
+the part, two of them bad. The part is displaced by up to 30 mm and 5 degrees. Thicknesses and
+surfaces vary smoothly over the part, so that about a tenth of the points is near a limit or beyond
+it, and five points have real dents. Two percent of the first values are wrong by 6 to 40 standard
+deviations. The probe breaks at its 400th measurement, or in the middle of a smaller job. Everything
+is done by the commands `run` and `results`, and read from what they write.
 """
 
 import json
@@ -149,12 +152,17 @@ def carried_out(count: int, seed: int, folder: Path, xsd: Path | None) -> dict[s
 
 
 def judged(made: Job, survey: Mapping[str, Any]) -> dict[str, Any]:
-    """What a survey says beside the truth. Shares are of the features that were decided, and of all with limits."""
+    """What a survey says beside the truth.
+
+    Shares are of the features that were decided, and of all with limits.
+    """
     features = {each["of"]: each for each in survey["features"]}
     bad = [name for name, off in made.truth["bad"].items()]
     missed = [name for name in bad if not features.get(name, {}).get("bad")]
     lost = [each["name"] for each in survey["not_measured"]]
-    lost += [each["of"] for each in features.values() if each["verdict"] in ("doubtful", "not measured")]
+    lost += [
+        each["of"] for each in features.values() if each["verdict"] in ("doubtful", "not measured")
+    ]
     wrong, decided, undecided = [], 0, 0
     for name, (low, high) in made.zones.items():
         verdict = features[name]["verdict"] if name in features else ""
@@ -167,13 +175,16 @@ def judged(made: Job, survey: Mapping[str, Any]) -> dict[str, Any]:
         "bad": len(bad), "missed": missed, "lost": lost, "decided": decided, "wrong": wrong,
         "wrong share": round(len(wrong) / max(1, decided), 4), "not conforming": len(called_bad),
         "undecided share": round(undecided / max(1, len(made.zones)), 4),
-        "good values left out": sum(len(e["bad"]) for n, e in features.items() if n not in made.truth["bad"]),
+        "good values left "
+        "out": sum(len(e["bad"]) for n, e in features.items() if n not in made.truth["bad"]),
         "within stated uncertainty": within(made, features),
     }  # fmt: skip
 
 
 def within(made: Job, features: Mapping[str, Any]) -> float:
-    """The share of features whose value is within its expanded uncertainty of the truth; 95 % if that is what it says."""
+    """The share of features whose value is within its expanded uncertainty of the truth; 95 %
+    if that is what it says.
+    """
     near = [
         abs(features[name]["value"] - made.truth["values"][name]) <= features[name]["uncertainty"]
         for name in made.zones
@@ -207,10 +218,13 @@ def missed(rows: Sequence[Mapping[str, Any]]) -> list[str]:
             said.append(f"seed {row['seed']}: no results: {row['failed']}")
             continue
         if row["missed"]:
-            said.append(f"seed {row['seed']}: bad values of {', '.join(row['missed'])} were not caught")
+            said.append(
+                f"seed {row['seed']}: bad values of {', '.join(row['missed'])} were not caught"
+            )
         if row["lost"]:
             said.append(
-                f"seed {row['seed']}: {len(row['lost'])} measurements are lost, such as {row['lost'][0]}"
+                f"seed {row['seed']}: {len(row['lost'])} measurements are lost, such as "
+                f"{row['lost'][0]}"
             )
         if row["wrong share"] > RISK / 100:
             said.append(f"seed {row['seed']}: {row['wrong share']:.1%} of the decisions are wrong")

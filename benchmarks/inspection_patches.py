@@ -1,8 +1,10 @@
-"""Rendered patches whose truth is known: how far the dimensions found in range images are off, by their stated deviations.
+"""Rendered patches whose truth is known: how far the dimensions found in range images are off, by
+their stated deviations.
 
-A tool 150 mm away scans a picture of 19 mm: 0.05 mm noise at that distance, a beam of 0.4 mm, directions that err by 0.04 mm, 0.5 % of
-the pixels without an answer, ranges known modulo 150 mm. The part lies up to some millimetres off its expected place; ranges are
-resolved from there. Each image has one or two patches, and these give the dimensions.
+A tool 150 mm away scans a picture of 19 mm: 0.05 mm noise at that distance, a beam of 0.4 mm,
+directions that err by 0.04 mm, 0.5 % of the pixels without an answer, ranges known modulo 150 mm.
+The part lies up to some millimetres off its expected place; ranges are resolved from there. Each
+image has one or two patches, and these give the dimensions.
 """
 
 import math
@@ -19,28 +21,49 @@ import numpy as np
 from benchmarks.inspection_peers import Beside, Truth, beside, told
 from benchmarks.inspection_shapes import ball, holed, plate, turning
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.kernels.rigid import apply, inverse, rotation_by_vector, transform, translation
+from cellwright.engine.kernels.rigid import (
+    apply,
+    inverse,
+    rotation_by_vector,
+    transform,
+    translation,
+)
 from cellwright.engine.model.geometry import Solid
 from cellwright.engine.model.shape_fits import Fit, FitShape
 from cellwright.engine.model.vision import PixelWindow, RangeImage
-from cellwright.engine.pipelines.motion.image_dimensions import DimensionRequest, dimensions_in_image
+from cellwright.engine.pipelines.motion.image_dimensions import (
+    DimensionRequest,
+    dimensions_in_image,
+)
 from cellwright.engine.stages.fitting.shape_relations import relate_fits
-from cellwright.engine.stages.vision.sensor_images import expected_ranges, resolve_ranges, scan_solids
+from cellwright.engine.stages.vision.sensor_images import (
+    expected_ranges,
+    resolve_ranges,
+    scan_solids,
+)
 from cellwright.kb.model.cell_model import Ranging
 
 SIDE, AWAY_M, MISPLACED_M = 48, 0.15, 0.001
-TOOL = Ranging("laser", SIDE, SIDE, math.radians(7.3), 0.3, 5e-5, AWAY_M, 0.0027, 0.00027, dropouts=0.005)
+TOOL = Ranging(
+    "laser", SIDE, SIDE, math.radians(7.3), 0.3, 5e-5, AWAY_M, 0.0027, 0.00027, dropouts=0.005
+)
 WHOLE = PixelWindow(0, 0, SIDE, SIDE)
 LEFT, RIGHT = PixelWindow(0, 0, SIDE // 2, SIDE), PixelWindow(SIDE // 2, 0, SIDE, SIDE)
-CLEAR = 8  # pixels that a patch keeps off an expected edge: the part lies elsewhere by some millimetres
-BEFORE, AFTER = PixelWindow(0, 0, SIDE // 2 - CLEAR, SIDE), PixelWindow(SIDE // 2 + CLEAR, 0, SIDE, SIDE)
+# pixels that a patch keeps off an expected edge: the part lies elsewhere by some millimetres
+CLEAR = 8
+BEFORE, AFTER = (
+    PixelWindow(0, 0, SIDE // 2 - CLEAR, SIDE),
+    PixelWindow(SIDE // 2 + CLEAR, 0, SIDE, SIDE),
+)
 Placed = list[tuple[Solid, Floats]]
 Error = tuple[float, float]  # an error and its stated standard deviation
 
 
 @dataclass(frozen=True)
 class Case:
-    """A part before the tool, what is asked of its picture, and the errors of what was found, by dimension."""
+    """A part before the tool, what is asked of its picture, and the errors of what was found,
+    by dimension.
+    """
 
     placed: Placed
     asked: list[DimensionRequest]
@@ -51,7 +74,9 @@ class Case:
 def leaning(random: np.random.Generator, most: float = 0.3) -> Floats:
     """A pose (4, 4) in front of the tool, leaning and a little aside."""
     aside = random.uniform(-1.0, 1.0, 3) * [0.001, 0.001, 0.004]
-    return transform(rotation_by_vector(random.uniform(-most, most, 3)), aside + np.array([0.0, 0.0, AWAY_M]))
+    return transform(
+        rotation_by_vector(random.uniform(-most, most, 3)), aside + np.array([0.0, 0.0, AWAY_M])
+    )
 
 
 def plane_case(random: np.random.Generator) -> Case:
@@ -71,10 +96,14 @@ def plane_case(random: np.random.Generator) -> Case:
     def off(point: Floats, normal: Floats) -> float:
         return float(normal @ (point - T[:3, 3])) * float(np.sign(normal @ T[:3, 2]))
 
-    return Case([(plate(), T)], [DimensionRequest("a", FitShape.PLANE, WHOLE)], errors, {"plane": off})
+    return Case(
+        [(plate(), T)], [DimensionRequest("a", FitShape.PLANE, WHOLE)], errors, {"plane": off}
+    )
 
 
-def size(name: str, truth: float, parameter: str) -> Callable[[Mapping[str, Fit]], dict[str, Error]]:
+def size(
+    name: str, truth: float, parameter: str
+) -> Callable[[Mapping[str, Fit]], dict[str, Error]]:
     """The error of one size of the only fit."""
 
     def errors(found: Mapping[str, Fit]) -> dict[str, Error]:
@@ -93,7 +122,10 @@ def sphere_case(random: np.random.Generator) -> Case:
 
     def errors(found: Mapping[str, Fit]) -> dict[str, Error]:
         local = apply(inverse(found["a"].T_world_shape), T[:3, 3][None])[0]
-        return {**diameter(found), "position of a sphere": (float(local[0]), found["a"].deviation("x"))}
+        return {
+            **diameter(found),
+            "position of a sphere": (float(local[0]), found["a"].deviation("x")),
+        }
 
     return Case([(ball(radius), T)], [DimensionRequest("a", FitShape.SPHERE, WHOLE)], errors)
 
@@ -108,7 +140,9 @@ def round_case(random: np.random.Generator, shape: FitShape) -> Case:
         @ lying
         @ transform(rotation_by_vector(np.array([0.0, angle, 0.0])), (0.0, 0.0, 0.0))
     )
-    parameter, told = ("angle", "angle of a cone") if angle else ("radius", "diameter of a cylinder")
+    parameter, told = (
+        ("angle", "angle of a cone") if angle else ("radius", "diameter of a cylinder")
+    )
     return Case(
         [(turning(radius, angle), T)],
         [DimensionRequest("a", shape, WHOLE)],
@@ -145,7 +179,10 @@ def step_case(random: np.random.Generator) -> Case:
         told = relate_fits(found["a"], found["b"])[0]
         return {"height of a step": (told.value - height, told.sigma)}
 
-    asked = [DimensionRequest("a", FitShape.PLANE, BEFORE), DimensionRequest("b", FitShape.PLANE, AFTER)]
+    asked = [
+        DimensionRequest("a", FitShape.PLANE, BEFORE),
+        DimensionRequest("b", FitShape.PLANE, AFTER),
+    ]
     return Case([(plate(0.05, 0.05), high), (plate(0.05, 0.05), low)], asked, errors)
 
 
@@ -163,14 +200,19 @@ def turn_case(random: np.random.Generator) -> Case:
 
     return Case(
         sides,
-        [DimensionRequest("a", FitShape.PLANE, BEFORE), DimensionRequest("b", FitShape.PLANE, AFTER)],
+        [
+            DimensionRequest("a", FitShape.PLANE, BEFORE),
+            DimensionRequest("b", FitShape.PLANE, AFTER),
+        ],
         errors,
     )
 
 
 def balls_case(random: np.random.Generator) -> Case:
     """How far apart two balls are."""
-    centres = [np.array([x, random.uniform(-0.001, 0.001), AWAY_M + 0.004]) for x in (-0.005, 0.005)]
+    centres = [
+        np.array([x, random.uniform(-0.001, 0.001), AWAY_M + 0.004]) for x in (-0.005, 0.005)
+    ]
     radii = random.uniform(0.0035, 0.0045, 2)
     placed = [(ball(r), translation(*at)) for r, at in zip(radii, centres, strict=True)]
     apart = float(np.linalg.norm(centres[0] - centres[1]))
@@ -181,7 +223,10 @@ def balls_case(random: np.random.Generator) -> Case:
 
     return Case(
         placed,
-        [DimensionRequest("a", FitShape.SPHERE, LEFT), DimensionRequest("b", FitShape.SPHERE, RIGHT)],
+        [
+            DimensionRequest("a", FitShape.SPHERE, LEFT),
+            DimensionRequest("b", FitShape.SPHERE, RIGHT),
+        ],
         errors,
     )
 
@@ -211,7 +256,9 @@ def pictured(case: Case, random: np.random.Generator) -> RangeImage:
 
 
 class One(NamedTuple):
-    """The errors of one image, None where a shape was refused; the number of its patches; milliseconds; what peers find."""
+    """The errors of one image, None where a shape was refused; the number of its patches;
+    milliseconds; what peers find.
+    """
 
     errors: dict[str, Error] | None
     patches: int
@@ -239,9 +286,13 @@ def some(work: tuple[str, range, int]) -> list[One]:
 
 
 def patches(count: int, seed: int) -> dict[str, Any]:
-    """The errors of at least `count` rendered patches by dimension, and how many patches were refused."""
+    """The errors of at least `count` rendered patches by dimension, and how many patches were
+    refused.
+    """
     rounds = math.ceil(count / (len(CASES) + 3))  # three kinds have two patches each
-    work = [(name, range(n, min(n + 25, rounds)), seed) for name in CASES for n in range(0, rounds, 25)]
+    work = [
+        (name, range(n, min(n + 25, rounds)), seed) for name in CASES for n in range(0, rounds, 25)
+    ]
     with ProcessPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
         found = list(pool.map(some, work))
     off: dict[str, list[Error]] = {}
@@ -259,7 +310,9 @@ def patches(count: int, seed: int) -> dict[str, Any]:
 
 
 def told_of(errors: list[Error]) -> dict[str, float]:
-    """The number, the share of errors within 95 %, its standard error, and the mean and the scatter by the stated deviation."""
+    """The number, the share of errors within 95 %, its standard error, and the mean and the
+    scatter by the stated deviation.
+    """
     off = np.array([error / sigma for error, sigma in errors])
     within = float((np.abs(off) < 1.96).mean())
     return {
@@ -275,7 +328,11 @@ def told_of(errors: list[Error]) -> dict[str, float]:
 def summary(off: list[float]) -> dict[str, float]:
     """How many errors, the share within 95 %, and their mean by the stated standard deviation."""
     within = float(np.mean(np.abs(off) < 1.96)) if off else 1.0
-    return {"count": len(off), "within": round(within, 4), "bias": round(float(np.mean(off or [0.0])), 3)}
+    return {
+        "count": len(off),
+        "within": round(within, 4),
+        "bias": round(float(np.mean(off or [0.0])), 3),
+    }
 
 
 def main() -> int:

@@ -1,8 +1,10 @@
-"""Other libraries' fits to the points of the same patches, where they fit the same: planes by Open3D, circles by scikit-image.
+"""Other libraries' fits to the points of the same patches, where they fit the same: planes by
+Open3D, circles by scikit-image.
 
-Both look for consensus and then fit those that agree, and both are told by how much a point may be off: 3.5 of its standard deviations.
-Neither says how sure its answer is, so errors are compared in micrometres. They get the points that our fits get: those of a patch
-off its edges, and those of a rim in its plane. A library that is not installed is left out.
+Both look for consensus and then fit those that agree, and both are told by how much a point may be
+off: 3.5 of its standard deviations. Neither says how sure its answer is, so errors are compared in
+micrometres. They get the points that our fits get: those of a patch off its edges, and those of a
+rim in its plane. A library that is not installed is left out.
 """
 
 import math
@@ -26,7 +28,9 @@ NAMES = {"open3d": "Open3D", "skimage": "scikit-image"}
 
 
 class Beside(NamedTuple):
-    """One size as both found it: its name, the peer, our error and the peer's in metres, the peer's milliseconds."""
+    """One size as both found it: its name, the peer, our error and the peer's in metres, the
+    peer's milliseconds.
+    """
 
     what: str
     peer: str
@@ -38,8 +42,13 @@ class Beside(NamedTuple):
 Truth = Mapping[str, Callable[[Floats, Floats], float] | float]
 
 
-def beside(image: RangeImage, asked: list[DimensionRequest], found: Dimensions, truth: Truth) -> list[Beside]:
-    """What peers find in the same patches. `truth` has `plane`, the distance of a plane (point, normal) from where it is, or `radius`."""
+def beside(
+    image: RangeImage, asked: list[DimensionRequest], found: Dimensions, truth: Truth
+) -> list[Beside]:
+    """What peers find in the same patches.
+
+    `truth` has `plane`, the distance of a plane (point, normal) from where it is, or `radius`.
+    """
     (only,) = asked[:1]
     fit = found.fits[only.name]
     if not isinstance(fit, Fit):
@@ -65,7 +74,9 @@ def _plane(
     spent = 1e3 * (time.process_time() - began)
     normal = np.array([a, b, c]) / math.sqrt(a * a + b * b + c * c)
     at = fit.origin - normal * (normal @ fit.origin + d / math.sqrt(a * a + b * b + c * c))
-    yield Beside("position of a plane", NAMES["open3d"], off(fit.origin, fit.axis), off(at, normal), spent)
+    yield Beside(
+        "position of a plane", NAMES["open3d"], off(fit.origin, fit.axis), off(at, normal), spent
+    )
 
 
 def _circle(image: RangeImage, asked: DimensionRequest, fit: Fit, radius: Any) -> Iterator[Beside]:
@@ -81,12 +92,18 @@ def _circle(image: RangeImage, asked: DimensionRequest, fit: Fit, radius: Any) -
     model, _ = ransac(1e3 * flat, CircleModel, 3, 1e3 * limit, max_trials=TRIALS, rng=1)
     spent = 1e3 * (time.process_time() - began)
     yield Beside(
-        "diameter of a hole", NAMES["skimage"], fit.radius_m - radius, 1e-3 * model.radius - radius, spent
+        "diameter of a hole",
+        NAMES["skimage"],
+        fit.radius_m - radius,
+        1e-3 * model.radius - radius,
+        spent,
     )
 
 
 def told(each: list[Beside]) -> dict[str, Any]:
-    """The root mean square errors of both in micrometres, by size and peer, and by which share ours is smaller."""
+    """The root mean square errors of both in micrometres, by size and peer, and by which share
+    ours is smaller.
+    """
     rows: dict[str, Any] = {}
     for key in sorted({(one.what, one.peer) for one in each}):
         own, other, ms = (

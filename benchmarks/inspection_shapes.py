@@ -1,4 +1,6 @@
-"""Surfaces whose form is known exactly, as triangles that are small beside a pixel or lie as much outside of them as inside."""
+"""Surfaces whose form is known exactly, as triangles that are small beside a pixel or lie as
+much outside of them as inside.
+"""
 
 import math
 

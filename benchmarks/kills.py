@@ -1,12 +1,14 @@
-"""Kills a run at every record of its journal while its controller lives on, resumes it, and reads the controller's own log.
+"""Kills a run at every record of its journal while its controller lives on, resumes it, and reads
+the controller's own log.
 
     python benchmarks/kills.py [--target TARGET] [--fault STEP=CAUSE] [--from N] [--to N] [--json FILE]
 
-The simulated cell is a process of its own, reached over TCP. The process of the run gets SIGKILL at a record: before the group with it
-is written, behind that, and when the commands of the group are sent. Records of one group are written together, so the first
-two are tried once for each group. The resumed run has to reach the same goals as one that is not killed, and no
-command may have been carried out twice. With --json the kills that have passed are kept, and are not made again by the next call.
-Exits with 1 if a kill ends wrong.
+The simulated cell is a process of its own, reached over TCP. The process of the run gets SIGKILL at
+a record: before the group with it is written, behind that, and when the commands of the group are
+sent. Records of one group are written together, so the first two are tried once for each group. The
+resumed run has to reach the same goals as one that is not killed, and no command may have been
+carried out twice. With --json the kills that have passed are kept, and are not made again by the
+next call. Exits with 1 if a kill ends wrong.
 """
 
 import argparse
@@ -37,7 +39,10 @@ WHEN = ("before", "written", "sent")
 
 
 class Deadly(JournalLedger):
-    """A journal that kills its process at a record, before or behind its group. It keeps where each group ends."""
+    """A journal that kills its process at a record, before or behind its group.
+
+    It keeps where each group ends.
+    """
 
     def __init__(self, journal: Journal, run: str, record: int = 0, when: str = "") -> None:
         super().__init__(journal, run)
@@ -117,7 +122,9 @@ def wanted_in(setting: Setting, folder: Path, address: str) -> RunRequest:
 
 
 def trial(setting: Setting, record: int, when: str, goals: list[str]) -> tuple[bool, str]:
-    """Whether the run was killed before its end, and what is wrong afterwards; nothing if all is well."""
+    """Whether the run was killed before its end, and what is wrong afterwards; nothing if all
+    is well.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with served(setting, folder / "cell.log") as address:
@@ -129,7 +136,9 @@ def trial(setting: Setting, record: int, when: str, goals: list[str]) -> tuple[b
 
             def again() -> None:
                 ending = resume_run(wanted.store, wanted.run, TimedOrders())
-                outcome.write_text(json.dumps([ending.outcome, ending.why, sorted(ending.goals)]), "utf-8")
+                outcome.write_text(
+                    json.dumps([ending.outcome, ending.why, sorted(ending.goals)]), "utf-8"
+                )
 
             if not over(wanted):
                 os.waitpid(forked(again), 0)
@@ -153,7 +162,9 @@ def twice_in(log: Path) -> str:
     for each in filter(None, log.read_text("utf-8").splitlines()):
         with suppress(ValueError):
             entries.append(json.loads(each))
-    twice = [n for n, count in Counter(e["ended"] for e in entries if "ended" in e).items() if count > 1]
+    twice = [
+        n for n, count in Counter(e["ended"] for e in entries if "ended" in e).items() if count > 1
+    ]
     return f"commands carried out twice: {twice}" if twice else ""
 
 

@@ -1,11 +1,12 @@
-"""Inverse kinematics of the bundled arms: exactness and microseconds per pose, beside EAIK when it is installed.
+"""Inverse kinematics of the bundled arms: exactness and microseconds per pose, beside EAIK when it
+is installed.
 
     python benchmarks/kinematics.py [--poses N] [--json FILE]
 
-Poses are those of random configurations within the limits (seed 20). For each solver: the worst residual of an answer
-(metres and radians alike), how many configurations were not among the answers within 1e-6, and microseconds of
-processor time per pose on one core, one at a time and in a batch. Exits with 1 when ours misses the bar: every residual under
-1e-9, no configuration missed.
+Poses are those of random configurations within the limits (seed 20). For each solver: the worst
+residual of an answer (metres and radians alike), how many configurations were not among the answers
+within 1e-6, and microseconds of processor time per pose on one core, one at a time and in a batch.
+Exits with 1 when ours misses the bar: every residual under 1e-9, no configuration missed.
 """
 
 import argparse
@@ -63,13 +64,17 @@ def ours(model: ArmModel, q: Floats) -> dict[str, Any]:
         "residual": worst,
         "missed": missed,
         "branches": float(found.valid.sum(axis=1).mean()),
-        "single": best(lambda: [solver.solve(poses[n : n + 1]) for n in range(ONE_AT_A_TIME)], ONE_AT_A_TIME),
+        "single": best(
+            lambda: [solver.solve(poses[n : n + 1]) for n in range(ONE_AT_A_TIME)], ONE_AT_A_TIME
+        ),
         "batch": best(lambda: solver.solve(poses), len(poses)),
     }
 
 
 def eaik_robot(model: ArmModel) -> tuple[Any, Floats]:
-    """EAIK's robot of the same axes, and what turns our flange into its tool, which does not turn at zero."""
+    """EAIK's robot of the same axes, and what turns our flange into its tool, which does not
+    turn at zero.
+    """
     from eaik.IK_HP import HPRobot
 
     screws = InverseKinematics(model).form
@@ -85,7 +90,10 @@ def theirs(model: ArmModel, q: Floats) -> dict[str, Any]:
     robot, turned = eaik_robot(model)
     poses = model.flange_pose(q) @ turned
     found = [robot.IK(pose) for pose in poses]
-    exact = [np.array(each.Q).reshape(-1, 6)[~np.array(each.is_LS, dtype=bool).reshape(-1)] for each in found]
+    exact = [
+        np.array(each.Q).reshape(-1, 6)[~np.array(each.is_LS, dtype=bool).reshape(-1)]
+        for each in found
+    ]
     worst, missed = judged(model, q, exact)
     return {
         "solver": "EAIK",
@@ -115,15 +123,21 @@ def main() -> int:
             rows.append({"arm": name, **theirs(model, q)})
         except ImportError:
             continue
-    table = Table("arm", "solver", "branches", "worst residual", "missed", "us single", "us in a batch")
+    table = Table(
+        "arm", "solver", "branches", "worst residual", "missed", "us single", "us in a batch"
+    )
     for row in rows:
         numbers = (f"{row['branches']:.2f}", f"{row['residual']:.1e}", str(row["missed"]))
-        table.add_row(row["arm"], row["solver"], *numbers, f"{row['single']:.1f}", f"{row['batch']:.2f}")
+        table.add_row(
+            row["arm"], row["solver"], *numbers, f"{row['single']:.1f}", f"{row['batch']:.2f}"
+        )
     Console().print(table)
     if arguments.json:
         arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
     bad = [
-        row for row in rows if row["solver"] != "EAIK" and (row["residual"] > RESIDUAL_BAR or row["missed"])
+        row
+        for row in rows
+        if row["solver"] != "EAIK" and (row["residual"] > RESIDUAL_BAR or row["missed"])
     ]
     return 1 if bad else 0
 

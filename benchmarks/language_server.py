@@ -1,9 +1,11 @@
-"""How long the language server takes to answer, and whether it survives random edits. Over the real protocol.
+"""How long the language server takes to answer, and whether it survives random edits. Over the real
+protocol.
 
     python benchmarks/language_server.py [--edits 10000] [--rounds 40] [--output FILE]
 
-Latencies are those of an editor: from the request to the answer, each request right after an edit, on a domain of about 2,000
-lines. The time of the server's own process is told beside them: on a busy machine only that is to be compared.
+Latencies are those of an editor: from the request to the answer, each request right after an edit,
+on a domain of about 2,000 lines. The time of the server's own process is told beside them: on a
+busy machine only that is to be compared.
 """
 
 import argparse
@@ -90,7 +92,10 @@ class Server:
         self._send({"method": method, "params": params})
 
     def ask(self, method: str, params: Any, seconds: float = 120) -> Any:
-        """Send a request and wait for its answer. Raises `RuntimeError` for an error, except that a name cannot be changed."""
+        """Send a request and wait for its answer.
+
+        Raises `RuntimeError` for an error, except that a name cannot be changed.
+        """
         self.count += 1
         self.answers[self.count] = queue.Queue()
         self._send({"id": self.count, "method": method, "params": params})
@@ -117,7 +122,8 @@ def requests(uri: str, line: int, column: int) -> Iterator[tuple[str, dict[str, 
     document = {"textDocument": {"uri": uri}}
     at = {**document, "position": {"line": line, "character": column}}
     yield from (
-        (f"textDocument/{name}", at) for name in ("hover", "completion", "definition", "documentHighlight")
+        (f"textDocument/{name}", at)
+        for name in ("hover", "completion", "definition", "documentHighlight")
     )
     yield "textDocument/references", {**at, "context": {"includeDeclaration": True}}
     yield "textDocument/rename", {**at, "newName": "renamed"}
@@ -130,7 +136,9 @@ def requests(uri: str, line: int, column: int) -> Iterator[tuple[str, dict[str, 
 
 
 def latencies(rounds: int) -> dict[str, Any]:
-    """The time from each request to its answer on a domain of about 2,000 lines, each right after an edit of one character."""
+    """The time from each request to its answer on a domain of about 2,000 lines, each right
+    after an edit of one character.
+    """
     folder = Path(tempfile.mkdtemp())
     path = written(folder)
     text, uri, chance = path.read_text(), path.as_uri(), random.Random(1)
@@ -173,7 +181,9 @@ def summary(found: list[float]) -> dict[str, float]:
     }
 
 
-def edit(server: Server, uri: str, version: int, line: int, start: int, end: int, text: str) -> None:
+def edit(
+    server: Server, uri: str, version: int, line: int, start: int, end: int, text: str
+) -> None:
     """Send one change of a text."""
     span = {"start": {"line": line, "character": start}, "end": {"line": line, "character": end}}
     change = {
@@ -184,14 +194,28 @@ def edit(server: Server, uri: str, version: int, line: int, start: int, end: int
 
 
 def survived(edits: int) -> dict[str, Any]:
-    """How many random edits of the files of a bundled domain the server survives, with a random request after each."""
+    """How many random edits of the files of a bundled domain the server survives, with a random
+    request after each.
+    """
     folder = Path(tempfile.mkdtemp())
     shutil.copytree(TOP / "domains" / "themse", folder / "themse")
-    names = ("domain.yaml", "rules.lp", "problems/two.yaml", "faults.yaml", "cell.yaml", "contacts.yaml")
+    names = (
+        "domain.yaml",
+        "rules.lp",
+        "problems/two.yaml",
+        "faults.yaml",
+        "cell.yaml",
+        "contacts.yaml",
+    )
     files = [folder / "themse" / each for each in names]
     server, chance = Server(folder, folder / "log.txt"), random.Random(7)
     for each in files:
-        opened = {"uri": each.as_uri(), "languageId": "yaml", "version": 0, "text": each.read_text()}
+        opened = {
+            "uri": each.as_uri(),
+            "languageId": "yaml",
+            "version": 0,
+            "text": each.read_text(),
+        }
         server.tell("textDocument/didOpen", {"textDocument": opened})
     begin = time.perf_counter()
     for number in range(edits):

@@ -1,4 +1,6 @@
-"""A domain of about 2,000 lines, as a large cell has it: written anew for each use, the same for the same size."""
+"""A domain of about 2,000 lines, as a large cell has it: written anew for each use, the same
+for the same size.
+"""
 
 from pathlib import Path
 
@@ -6,7 +8,10 @@ STATIONS = 64  # gives about 2,000 lines of domain.yaml
 
 
 def written(folder: Path, stations: int = STATIONS) -> Path:
-    """Write a domain with its rules, and one problem, into a folder. Returns the file of the domain."""
+    """Write a domain with its rules, and one problem, into a folder.
+
+    Returns the file of the domain.
+    """
     (folder / "problems").mkdir(parents=True, exist_ok=True)
     (folder / "domain.yaml").write_text(_domain(stations))
     (folder / "rules.lp").write_text(_rules(stations))
@@ -31,17 +36,29 @@ def _domain(stations: int) -> str:
     lines += ["  device: [" + ", ".join(f"door_{n}" for n in numbers) + "]"]
     lines += ["statics:", "  fits(part, place): {}"]
     lines += [f"  near_{n}(seat_{n}, place): {{}}" for n in numbers]
-    lines += ["derived:"] + [f"  open_{n}(place): {{}}    # station {n} can be reached" for n in numbers]
-    lines += ["fluents:", "  at(part, place): {weight: 3}", "  position(device, setting): {weight: 2}"]
+    lines += ["derived:"] + [
+        f"  open_{n}(place): {{}}    # station {n} can be reached" for n in numbers
+    ]
+    lines += [
+        "fluents:",
+        "  at(part, place): {weight: 3}",
+        "  position(device, setting): {weight: 2}",
+    ]
     lines += ["  free(place): {weight: 1}"]
     lines += [f"  treated_{n}(part): {{weight: 4}}" for n in numbers]
     lines += ["defaults:", "  - free(Place)", "  - position(Device, closed)", "operators:"]
     for n in numbers:
         lines += _station(n)
     lines += ["deductive_operators:"]
-    lines += ["  - when: at(Part, Place)", "    denies: at(Part, Other), Other != Place; free(Place)"]
+    lines += [
+        "  - when: at(Part, Place)",
+        "    denies: at(Part, Other), Other != Place; free(Place)",
+    ]
     lines += ["  - when: not at(Part, Place)", "    implies: free(Place)"]
-    lines += ["  - when: position(Device, Setting)", "    denies: position(Device, Other), Other != Setting"]
+    lines += [
+        "  - when: position(Device, Setting)",
+        "    denies: position(Device, Other), Other != Setting",
+    ]
     for n in numbers:
         lines += [f"  - when: at(Part, seat_{n}_a)", f"    denies: treated_{n}(Part)"]
     return "\n".join(lines) + "\n"

@@ -1,14 +1,17 @@
-"""Limits of time and memory asked and taken, and how soon Ctrl-C ends a command, for long work of every verb.
+"""Limits of time and memory asked and taken, and how soon Ctrl-C ends a command, for long work of
+every verb.
 
     python benchmarks/limits.py [--part time memory interrupt] [--only TEXT] [--seconds N] [--times N] [--load N] [--seed N]
                                 [--json FILE]
 
-Each command has more to do than its limit allows, or is ended by Ctrl-C at a random moment (counted in time of the processor), also
-while it starts; a run, which pauses at the end of its goal, by two. `taken` is the time of the processor that a command and those it started take. A command may take 10 % or 0.5 s
-more than its time, and 10 % more than its memory; Ctrl-C ends it within a second of the processor. What takes no longer on the wall
-is in time, too: several processes take more. Exit code 23 tells of a limit, 130 (or the signal itself, before a verb has begun) of
-Ctrl-C; 0, 1, 10, 12 and 40 an answer that came in time. No traceback, and no process may stay behind. With --load so many busy
-processes run beside. With --json the rows are kept. Exits with 1 if a bar is missed.
+Each command has more to do than its limit allows, or is ended by Ctrl-C at a random moment (counted
+in time of the processor), also while it starts; a run, which pauses at the end of its goal, by two.
+`taken` is the time of the processor that a command and those it started take. A command may take 10
+% or 0.5 s more than its time, and 10 % more than its memory; Ctrl-C ends it within a second of the
+processor. What takes no longer on the wall is in time, too: several processes take more. Exit code
+23 tells of a limit, 130 (or the signal itself, before a verb has begun) of Ctrl-C; 0, 1, 10, 12 and
+40 an answer that came in time. No traceback, and no process may stay behind. With --load so many
+busy processes run beside. With --json the rows are kept. Exits with 1 if a bar is missed.
 """
 
 import argparse
@@ -50,7 +53,8 @@ class Row:
     def line(self) -> str:
         """The row of a table in Markdown."""
         figures = (
-            f"{self.asked:.2f} | {self.taken:.2f} | {self.wall:.2f} | {self.megabytes:.0f} | {self.code}"
+            f"{self.asked:.2f} | {self.taken:.2f} | {self.wall:.2f} | {self.megabytes:.0f} | "
+            f"{self.code}"
         )
         return f"| {self.part} | {self.name} | {figures} | {self.wrong} |"
 
@@ -64,7 +68,9 @@ class Started:
     began: float
 
     def end(self) -> tuple[int, float, float]:
-        """Wait for it; its exit code, its time of the processor in seconds and its memory in megabytes."""
+        """Wait for it; its exit code, its time of the processor in seconds and its memory in
+        megabytes.
+        """
         while not (found := os.wait4(self.process.pid, os.WNOHANG))[0]:
             if time.monotonic() - self.began > HANGS:
                 os.killpg(self.process.pid, signal.SIGKILL)
@@ -90,7 +96,9 @@ def started(arguments: Sequence[str], folder: Path) -> Started:
 
 
 def spent(session: int) -> float:
-    """Seconds of the processor that all processes of a session have taken, with those that have ended in them."""
+    """Seconds of the processor that all processes of a session have taken, with those that have
+    ended in them.
+    """
     return sum(sum(map(int, fields[11:15])) for fields in _members(session)) / TICK
 
 
@@ -110,7 +118,10 @@ def _members(session: int) -> Iterator[list[str]]:
 
 
 def remnants(session: int) -> str:
-    """What is wrong if processes stay behind a second after the end of a command. They are ended."""
+    """What is wrong if processes stay behind a second after the end of a command.
+
+    They are ended.
+    """
     until = time.monotonic() + 1
     while (count := left(session)) and time.monotonic() < until:
         time.sleep(0.05)
@@ -121,10 +132,15 @@ def remnants(session: int) -> str:
 
 
 def _text(said: Path) -> str:
-    """What should never be printed. A traceback of Python's own start, before any file of this project, is not meant."""
+    """What should never be printed.
+
+    A traceback of Python's own start, before any file of this project, is not meant.
+    """
     found = said.read_text("utf-8", "replace")
     begun = "Failed to import the site module" not in found
-    ours = begun and any(f"{folder}{os.sep}" in found for folder in ("engine", "kb", "site-packages"))
+    ours = begun and any(
+        f"{folder}{os.sep}" in found for folder in ("engine", "kb", "site-packages")
+    )
     return (
         "traceback"
         if "Traceback" in found and ours
@@ -135,7 +151,10 @@ def _text(said: Path) -> str:
 
 
 def _unexpected(code: int, said: Path) -> str:
-    """What is wrong with an exit code. To refuse rules that have no end of facts is an answer, too."""
+    """What is wrong with an exit code.
+
+    To refuse rules that have no end of facts is an answer, too.
+    """
     endless = code == 2 and "K307" in said.read_text("utf-8", "replace")
     return "" if endless or code in ANSWERED | {23} else f"exit {code}"
 
@@ -149,28 +168,44 @@ def limited(work: Work, folder: Path, seconds: float) -> Row:
     wrong = [_text(run.said), remnants(run.process.pid)]
     wrong.append(f"{over:.2f} s over" if over > max(0.1 * seconds, 0.5) else "")
     wrong.append(_unexpected(code, run.said))
-    return Row("time", work.name, seconds, taken, wall, megabytes, code, "; ".join(filter(None, wrong)))
+    return Row(
+        "time", work.name, seconds, taken, wall, megabytes, code, "; ".join(filter(None, wrong))
+    )
 
 
 def bounded(work: Work, folder: Path, megabytes: int, seconds: float) -> Row:
     """A command under a limit of memory."""
     run = started(
-        [*work.arguments, "--memory-limit", str(megabytes), "--time-limit", str(10 * seconds)], folder
+        [*work.arguments, "--memory-limit", str(megabytes), "--time-limit", str(10 * seconds)],
+        folder,
     )
     code, _, taken = run.end()
     wall = time.monotonic() - run.began
     wrong = [_text(run.said), remnants(run.process.pid), _unexpected(code, run.said)]
     wrong.append(f"{taken - megabytes:.0f} MB over" if taken > 1.1 * megabytes else "")
     return Row(
-        "memory", work.name, float(megabytes), taken, wall, taken, code, "; ".join(filter(None, wrong))
+        "memory",
+        work.name,
+        float(megabytes),
+        taken,
+        wall,
+        taken,
+        code,
+        "; ".join(filter(None, wrong)),
     )
 
 
 def interrupted(work: Work, folder: Path, after: float) -> Row:
-    """A command that is told to end at a moment, as a terminal does it: all its processes get the signal."""
+    """A command that is told to end at a moment, as a terminal does it: all its processes get
+    the signal.
+    """
     run = started(work.arguments, folder)
     session = run.process.pid
-    while run.process.poll() is None and spent(session) < after and time.monotonic() < run.began + IDLE:
+    while (
+        run.process.poll() is None
+        and spent(session) < after
+        and time.monotonic() < run.began + IDLE
+    ):
         time.sleep(0.002)
     before, taken, at = spent(session), 0.0, time.monotonic()
     if run.process.returncode is not None:
@@ -215,7 +250,10 @@ def rows(asked: argparse.Namespace, folder: Path) -> Iterator[Row]:
             yield bounded(work, folder, work.megabytes, asked.seconds)
         if "interrupt" in asked.part:
             starts = [chance.uniform(0.0, 0.7) for _ in range(asked.times // 2)]
-            for after in [*starts, *(chance.uniform(0.7, 4.0) for _ in range(asked.times - len(starts)))]:
+            for after in [
+                *starts,
+                *(chance.uniform(0.7, 4.0) for _ in range(asked.times - len(starts))),
+            ]:
                 yield interrupted(work, folder, after)
 
 
@@ -228,14 +266,20 @@ def main() -> int:
     parser.add_argument("--part", nargs="+", choices=parts, default=parts)
     parser.add_argument("--only", default="", help="works whose names contain this")
     parser.add_argument("--seconds", type=float, default=3.0)
-    parser.add_argument("--times", type=int, default=4, help="moments at which each work is interrupted")
+    parser.add_argument(
+        "--times", type=int, default=4, help="moments at which each work is interrupted"
+    )
     parser.add_argument("--load", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # commands must not inherit that it is ignored
+    # commands must not inherit that it is ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     found = list[Row]()
-    print("| part | work | asked | taken | wall, s | MB | exit | wrong |\n|---|---|--:|--:|--:|--:|--:|---|")
+    print(
+        "| part | work | asked | taken | wall, s | MB | exit | wrong "
+        "|\n|---|---|--:|--:|--:|--:|--:|---|"
+    )
     with tempfile.TemporaryDirectory() as name, loaded(asked.load):
         for each in rows(asked, Path(name)):
             found.append(each)

@@ -1,4 +1,6 @@
-"""Long work for every verb, for the table of limits: what would run for longer than its limit, if it were let."""
+"""Long work for every verb, for the table of limits: what would run for longer than its limit,
+if it were let.
+"""
 
 import json
 import random
@@ -40,7 +42,8 @@ RECORDS = 12  # behind which a run is killed
 
 @dataclass(frozen=True)
 class Work:
-    """A command line with much to do; how many processes it works with, and megabytes that it may be limited to.
+    """A command line with much to do; how many processes it works with, and megabytes that it may
+    be limited to.
 
     `presses` is how often one presses Ctrl-C to end it at once.
     """
@@ -103,23 +106,32 @@ def _motions(folder: Path) -> Iterator[Work]:
     """Motions, and parts that are placed."""
     yield Work("plan motion", ("plan", "themse/four", "--motion"))
     yield Work("sequence motion", ("sequence", "bulkhead/three_stations", "--cost", "motion"))
-    yield Work("motion plan", ("motion", "plan", "themse", "--from", "home", "--to", "0, -90, 90, 0, 0, 0"))
+    yield Work(
+        "motion plan", ("motion", "plan", "themse", "--from", "home", "--to", "0, -90, 90, 0, 0, 0")
+    )
     yield Work("motion problems", ("motion", "problems", "bulkhead", "--count", "200"))
     yield Work("motion travel", ("motion", "travel", _large()))
-    yield Work("motion play", ("motion", "play", "themse/four", "--output", str(folder / "film.gltf")))
+    yield Work(
+        "motion play", ("motion", "play", "themse/four", "--output", str(folder / "film.gltf"))
+    )
     yield Work("place", ("place", "angle", "on", "base", "--scene", "handey"))
     yield Work("handey assemble", ("handey", "assemble", "base", "--scene", "handey/five"))
     yield Work(
-        "handey align", ("handey", "align", "angle.heel", "parallel", "base.front", "--scene", "handey")
+        "handey align",
+        ("handey", "align", "angle.heel", "parallel", "base.front", "--scene", "handey"),
     )
 
 
 def _runs(folder: Path, store: str) -> Iterator[Work]:
     """Runs, and what is left of them."""
     yield Work("run", _run("themse/one", store, "--factor", "0.05"), presses=2)
-    yield Work("run with faults", _run("themse/four", store, "--fault", "pick=not_gripped"), presses=2)
+    yield Work(
+        "run with faults", _run("themse/four", store, "--fault", "pick=not_gripped"), presses=2
+    )
     yield Work("run motion", _run("themse/one", store, "--motion"), presses=2)
-    yield Work("resume", ("resume", _stopped(folder), "--store", str(folder / "stopped.db")), presses=2)
+    yield Work(
+        "resume", ("resume", _stopped(folder), "--store", str(folder / "stopped.db")), presses=2
+    )
     yield Work("results", ("results", "stopped", "--store", str(folder / "stopped.db")))
     yield Work("store check", ("store", "check", "--store", str(folder / "stopped.db")))
 
@@ -128,10 +140,14 @@ def _files(folder: Path) -> Iterator[Work]:
     """Files that are read, checked and written."""
     yield Work("validate", ("validate", _plan(folder)))
     yield Work(
-        "import csv", ("import", "csv", _table(folder, 20000), "--output", str(folder / "points.yaml"))
+        "import csv",
+        ("import", "csv", _table(folder, 20000), "--output", str(folder / "points.yaml")),
     )
     yield Work("export pddl", ("export", "pddl", _large(), "--ground", "--output", str(folder)))
-    yield Work("cell show", ("cell", "show", "bulkhead/three_stations", "--output", str(folder / "cell.svg")))
+    yield Work(
+        "cell show",
+        ("cell", "show", "bulkhead/three_stations", "--output", str(folder / "cell.svg")),
+    )
     yield Work("check", ("check", "themse"))
     yield Work("measurement list", ("measurement", "list", _large()))
     yield Work("test", ("test", "themse"))
@@ -164,8 +180,14 @@ def _run(target: str, store: str, *more: str) -> tuple[str, ...]:
 
 def _tour(folder: Path, count: int) -> str:
     chance, path = random.Random(count), folder / f"cities_{count}.tsp"
-    cities = [f"{each} {chance.randrange(10**6)} {chance.randrange(10**6)}" for each in range(1, count + 1)]
-    head = f"NAME : cities\nTYPE : TSP\nDIMENSION : {count}\nEDGE_WEIGHT_TYPE : EUC_2D\nNODE_COORD_SECTION\n"
+    cities = [
+        f"{each} {chance.randrange(10**6)} {chance.randrange(10**6)}"
+        for each in range(1, count + 1)
+    ]
+    head = (
+        f"NAME : cities\nTYPE : TSP\nDIMENSION : {count}\nEDGE_WEIGHT_TYPE : "
+        "EUC_2D\nNODE_COORD_SECTION\n"
+    )
     path.write_text(head + "\n".join(cities) + "\nEOF\n")
     return str(path)
 
@@ -181,7 +203,9 @@ def _shop(folder: Path, jobs: int, machines: int) -> str:
 
 
 def _counters(folder: Path, count: int) -> tuple[str, str]:
-    """Counters that have to stand in descending order: many steps, and more ways to reorder them than there is time for."""
+    """Counters that have to stand in descending order: many steps, and more ways to reorder
+    them than there is time for.
+    """
     names = [f"c{each}" for each in range(count)]
     domain, problem = folder / "counters.pddl", folder / "descending.pddl"
     values = " ".join(f"(= (value {name}) 0)" for name in names)
@@ -228,7 +252,9 @@ def _stopped(folder: Path) -> str:
 
 def _told(*arguments: str) -> str:
     """What a command prints."""
-    return subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, check=False).stdout
+    return subprocess.run(
+        [*COMMAND, *arguments], capture_output=True, text=True, check=False
+    ).stdout
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""What else works on this machine: how much, and precedence over it for what is measured (Linux, with the right to give it)."""
+"""What else works on this machine: how much, and precedence over it for what is measured
+(Linux, with the right to give it).
+"""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -14,7 +16,9 @@ def busy_s() -> float:
 
 
 def come_first(parents: Iterable[int]) -> None:
-    """Let the children of some processes come before all other work, each as soon as it has something to do."""
+    """Let the children of some processes come before all other work, each as soon as it has
+    something to do.
+    """
     for parent in parents:
         for child in children(parent):
             with suppress(ProcessLookupError):

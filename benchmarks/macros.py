@@ -1,11 +1,14 @@
-"""Lookup in a library of ten thousand MACROPs against planning, on a bulkhead with a thousand points.
+"""Lookup in a library of ten thousand MACROPs against planning, on a bulkhead with a thousand
+points.
 
     python benchmarks/macros.py [--macrops N] [--points N] [--library FILE] [--part PART ...] [--json FILE]
 
-Parts: `lookup` (seconds of the processor by size of the library), `sequence` (a thousand points one after another), `planning` (one
-problem planned from scratch: minutes and gigabytes, so it is left out unless asked for). The library is made once in FILE
-(default: macros.db in the folder CELLWRIGHT_DATA, else a temporary one). Exits with 1 when a bar is missed: median lookup at
-most 2 ms and 1/100 of planning, lookup at 10,000 MACROPs at most three times that at 100, hit rate above 99 %.
+Parts: `lookup` (seconds of the processor by size of the library), `sequence` (a thousand points one
+after another), `planning` (one problem planned from scratch: minutes and gigabytes, so it is left
+out unless asked for). The library is made once in FILE (default: macros.db in the folder
+CELLWRIGHT_DATA, else a temporary one). Exits with 1 when a bar is missed: median lookup at most 2
+ms and 1/100 of planning, lookup at 10,000 MACROPs at most three times that at 100, hit rate above
+99 %.
 """
 
 import argparse
@@ -54,7 +57,9 @@ def lessons(days: list[Day]) -> list[str]:
     found = []
     for day in days:
         posed = dataclasses.replace(problem, goal=day.goals(), initial=day.initial(), complete=True)
-        found.append(written(generalise_plan(posed, day.plan(), world, frozenset(day.initial())).macrop))
+        found.append(
+            written(generalise_plan(posed, day.plan(), world, frozenset(day.initial())).macrop)
+        )
     return found
 
 
@@ -62,7 +67,9 @@ def fill(target: Path, days: list[Day], wanted: int) -> None:
     """Learn days into a library until it holds as many MACROPs as are wanted, in two processes."""
     batches = [days[start : start + BATCH] for start in range(0, len(days), BATCH)]
     with Library(str(target)) as library, ProcessPoolExecutor(2) as pool:
-        for documents in track(pool.map(lessons, batches), "learning", len(batches), transient=True):
+        for documents in track(
+            pool.map(lessons, batches), "learning", len(batches), transient=True
+        ):
             library.add([macro_record(loads(text), 1.0) for text in documents])
             if library.figures().macrops >= wanted:
                 pool.shutdown(cancel_futures=True)
@@ -98,11 +105,15 @@ class Bench:
 
     def posed(self, day: Day) -> tuple[Problem, Situation]:
         """A day as a problem of the big cell."""
-        posed = dataclasses.replace(self.problem, goal=day.goals(), initial=day.initial(), complete=True)
+        posed = dataclasses.replace(
+            self.problem, goal=day.goals(), initial=day.initial(), complete=True
+        )
         return posed, Situation.of(self.world, day.initial())
 
 
-def timed(repertoire: Repertoire, problem: Problem, here: Situation) -> tuple[float, LookupHit | None]:
+def timed(
+    repertoire: Repertoire, problem: Problem, here: Situation
+) -> tuple[float, LookupHit | None]:
     """Seconds of the processor from a loaded problem to a checked plan, and the plan."""
     started = time.process_time()
     asked = make_query(problem, here)
@@ -117,7 +128,9 @@ def lookup(bench: Bench, library: Path, days: list[Day], most: int) -> None:
     points = len(bench.problem.objects)
     kinds = {
         "figure 4": [bench.posed(again(_figure_4(), draw, points)) for _ in range(1000)],
-        "up to six points": [bench.posed(again(day, draw, points)) for day in days[:90] for _ in range(11)],
+        "up to six points": [
+            bench.posed(again(day, draw, points)) for day in days[:90] for _ in range(11)
+        ],
         "six points": [
             bench.posed(again(day, draw, points)) for day in _longest(days[:90]) for _ in range(40)
         ],
@@ -133,7 +146,11 @@ def lookup(bench: Bench, library: Path, days: list[Day], most: int) -> None:
             repertoire = Repertoire(part, bench.problem.domain)
             started = time.process_time()
             repertoire.load()
-            row = {"size": len(repertoire), "add_s": adding, "load_s": time.process_time() - started}
+            row = {
+                "size": len(repertoire),
+                "add_s": adding,
+                "load_s": time.process_time() - started,
+            }
             gc.collect()
             gc.freeze()  # what the benchmark itself keeps in memory is none of lookup's concern
             for name, problems in kinds.items():
@@ -155,7 +172,9 @@ def _figure_4() -> Day:
 
 
 def _agrees(problems: list[tuple[Problem, Situation]], hits: tuple[LookupHit | None, ...]) -> None:
-    """The independent checker has nothing against some of the plans; it is too slow for all of them here."""
+    """The independent checker has nothing against some of the plans; it is too slow for all of
+    them here.
+    """
     for (problem, _), hit in zip(problems, hits, strict=True):
         assert hit is None or validate_plan(problem, hit.plan) == []
 
@@ -180,7 +199,13 @@ def sequence(bench: Bench, cold: bool) -> dict[str, Any]:
                 here = answered.after
             total = time.perf_counter() - started
     hits = origins.count("library")
-    return {"points": len(order), "prepared": learned, "hits": hits, "total_s": total, **figures(times)}
+    return {
+        "points": len(order),
+        "prepared": learned,
+        "hits": hits,
+        "total_s": total,
+        **figures(times),
+    }
 
 
 def _learn_small(library: Library) -> int:
@@ -205,7 +230,11 @@ def from_scratch(bench: Bench) -> dict[str, Any]:
     outcome = checked_plan.plan_problem(bench.problem)
     assert isinstance(outcome, Found)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    return {"seconds": time.perf_counter() - started, "peak_gib": peak, "steps": len(outcome.plan.steps)}
+    return {
+        "seconds": time.perf_counter() - started,
+        "peak_gib": peak,
+        "steps": len(outcome.plan.steps),
+    }
 
 
 def verdicts(found: dict[str, Any]) -> Iterator[tuple[str, bool]]:
@@ -216,7 +245,10 @@ def verdicts(found: dict[str, Any]) -> Iterator[tuple[str, bool]]:
         yield f"median lookup at {rows[-1]['size']} MACROPs {median:.2f} ms <= 2 ms", median <= 2
         for kind in ("figure 4", "up to six points", "six points"):
             own = [row["median_ms"] for row in found["lookup"] if row["queries"] == kind]
-            yield f"{kind}: {own[-1] / own[0]:.2f} times the time at 100, <= 3", own[-1] <= 3 * own[0]
+            yield (
+                f"{kind}: {own[-1] / own[0]:.2f} times the time at 100, <= 3",
+                own[-1] <= 3 * own[0],
+            )
         if "planning" in found:
             ratio = found["planning"]["seconds"] * 1000 / median
             yield f"planning takes {ratio:.0f} times as long, >= 100", ratio >= 100
@@ -231,7 +263,9 @@ def show(found: dict[str, Any]) -> bool:
     for title in ("MACROPs", "queries", "hits", "median ms", "p99 ms", "max ms", "add s", "load s"):
         table.add_column(title, justify="right")
     for row in found.get("lookup", ()):
-        numbers = (f"{row[key]:.2f}" for key in ("median_ms", "p99_ms", "max_ms", "add_s", "load_s"))
+        numbers = (
+            f"{row[key]:.2f}" for key in ("median_ms", "p99_ms", "max_ms", "add_s", "load_s")
+        )
         table.add_row(str(row["size"]), row["queries"], f"{row['hits']}/{row['of']}", *numbers)
     console.print(table)
     for part in ("sequence", "planning"):
@@ -239,7 +273,9 @@ def show(found: dict[str, Any]) -> bool:
             console.print(part, {key: round(value, 3) for key, value in found[part].items()})
     judged = list(verdicts(found))
     for said, met in judged:
-        console.print(f"{'met   ' if met else 'MISSED'} {said}", style="green" if met else "bold red")
+        console.print(
+            f"{'met   ' if met else 'MISSED'} {said}", style="green" if met else "bold red"
+        )
     return all(met for _, met in judged)
 
 
@@ -252,7 +288,9 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=1000)
     parser.add_argument("--library", type=Path)
     parser.add_argument("--part", action="append", choices=["lookup", "sequence", "planning"])
-    parser.add_argument("--cold", action="store_true", help="sequence: ask the planner in the big cell, too")
+    parser.add_argument(
+        "--cold", action="store_true", help="sequence: ask the planner in the big cell, too"
+    )
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     parts = options.part or ["lookup", "sequence"]

@@ -2,12 +2,13 @@
 
     python benchmarks/mishaps.py [--target TARGET] [--fault STEP=CAUSE] [--times N] [--seed N] [TABLE ...]
 
-TABLE is power, disk or controller; left out, all. A run in a simulated cell has a fault in it. For `power` its process is gone behind
-a random group of records, and the journal's files are cut at a random byte behind their last sync. For `disk` no file may grow
-beyond a random size. The cell lives on with a log of its own. No record may be missing that was acknowledged, the run has to be
-resumed and to reach the same goals, and no command may be carried out twice. For `controller` a controller in this process answers
-as the table says. The run has to go on, or to end with what went wrong, within the time limit of the command. Exits with 1 if
-something is wrong.
+TABLE is power, disk or controller; left out, all. A run in a simulated cell has a fault in it. For
+`power` its process is gone behind a random group of records, and the journal's files are cut at a
+random byte behind their last sync. For `disk` no file may grow beyond a random size. The cell lives
+on with a log of its own. No record may be missing that was acknowledged, the run has to be resumed
+and to reach the same goals, and no command may be carried out twice. For `controller` a controller
+in this process answers as the table says. The run has to go on, or to end with what went wrong,
+within the time limit of the command. Exits with 1 if something is wrong.
 """
 
 import argparse
@@ -27,7 +28,13 @@ from pathlib import Path
 from controllers import Manners, Server, ahead, at_reply, later
 
 from cellwright.engine.model.run_protocol import Finish, JournalRecord, RecordKind
-from cellwright.engine.pipelines.execution import RunExecution, RunRequest, TimedOrders, name_run, resume_run
+from cellwright.engine.pipelines.execution import (
+    RunExecution,
+    RunRequest,
+    TimedOrders,
+    name_run,
+    resume_run,
+)
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.controllers import ControllerDriver
 from cellwright.engine.pipelines.execution.controllers.link import Patience
@@ -62,10 +69,16 @@ class Setting:
     def wanted(self, folder: Path) -> RunRequest:
         """A run with its journal and the log of its cell in a folder."""
         options = {"log": str(folder / "cell.log"), **({"fault": self.fault} if self.fault else {})}
-        return name_run(RunRequest(self.target, store=str(folder / "runs.db"), options=options), self.problem)
+        return name_run(
+            RunRequest(self.target, store=str(folder / "runs.db"), options=options), self.problem
+        )
 
     def run(
-        self, wanted: RunRequest, driver: Driver, ledger: JournalLedger, records: list[JournalRecord]
+        self,
+        wanted: RunRequest,
+        driver: Driver,
+        ledger: JournalLedger,
+        records: list[JournalRecord],
     ) -> Finish:
         """A run from its beginning."""
         recorder = Recorder(ledger, driver.now_ms, [records.append])
@@ -83,7 +96,9 @@ class Setting:
 
 @dataclass
 class Cut(JournalLedger):
-    """A journal whose process is gone behind a group: all is copied as the disk has it, and cut behind the last sync."""
+    """A journal whose process is gone behind a group: all is copied as the disk has it, and cut
+    behind the last sync.
+    """
 
     journal: Journal
     run: str
@@ -132,7 +147,10 @@ def power(setting: Setting, times: int, seed: int) -> Iterator[tuple[str, str]]:
             with Journal(store) as journal:
                 kept = journal.last(wanted.run)
             if kept < cut.acknowledged:
-                yield "lost", f"group {group}: {cut.acknowledged - kept} acknowledged records are missing"
+                yield (
+                    "lost",
+                    f"group {group}: {cut.acknowledged - kept} acknowledged records are missing",
+                )
             else:
                 yield _again(store, wanted.run, folder / "cell.log")
 
@@ -162,7 +180,9 @@ def _again(store: str, run: str, log: Path) -> tuple[str, str]:
     except InvalidInput as error:
         return "refused", str(error.diagnostics[0].message)
     entries = [json.loads(each) for each in log.read_text("utf-8").splitlines() if each]
-    twice = [n for n, count in Counter(e["ended"] for e in entries if "ended" in e).items() if count > 1]
+    twice = [
+        n for n, count in Counter(e["ended"] for e in entries if "ended" in e).items() if count > 1
+    ]
     if twice:
         return ending.outcome, f"commands carried out twice: {twice}"
     return ending.outcome, "" if ending.outcome in TELLS else ending.why
@@ -208,7 +228,11 @@ MANNERS: Mapping[str, tuple[Manners, str, tuple[str, ...]]] = {
     "behaves": (lambda _, lines: lines, "", ("reached",)),
     "hangs": (lambda heard, lines: lines if heard < 8 else [], "lost", ("stopped",)),
     "dies": (lambda heard, lines: lines if heard < 8 else None, "lost", ("stopped",)),
-    "dies and is back": (lambda heard, lines: None if heard in (6, 11, 12) else lines, "", ("reached",)),
+    "dies and is back": (
+        lambda heard, lines: None if heard in (6, 11, 12) else lines,
+        "",
+        ("reached",),
+    ),
     "answers twice": (at_reply(3, lambda line: [line, line]), "repeated", ("reached",)),
     "answers out of order": (at_reply(3, ahead), "strange", ("reached",)),
     "answers late": (at_reply(3, later), "late", (*TELLS, "stopped")),
@@ -238,7 +262,8 @@ def controller(setting: Setting, _times: int, _seed: int) -> Iterator[tuple[str,
         found = f"; cause: {', '.join(causes)}" if causes else ""
         seconds = time.monotonic() - began
         yield (
-            f"{name}: told {', '.join(said) or 'nothing'}{found}; {ending.outcome} in {seconds:.1f} s",
+            f"{name}: told {', '.join(said) or 'nothing'}{found}; {ending.outcome} in "
+            f"{seconds:.1f} s",
             wrong,
         )
 
@@ -251,17 +276,22 @@ def told(records: Sequence[JournalRecord]) -> list[str]:
 
 
 def too_late(records: Sequence[JournalRecord]) -> str:
-    """Which command was given up later than its time limit, or by more than a second of grace; empty if none was."""
+    """Which command was given up later than its time limit, or by more than a second of grace;
+    empty if none was.
+    """
     sent = {r.content["command"]: r for r in records if r.kind is RecordKind.COMMAND}
     quiet = next(
-        (r for r in records if r.kind is RecordKind.PHASE and r.content["phase"] == "quiescing"), None
+        (r for r in records if r.kind is RecordKind.PHASE and r.content["phase"] == "quiescing"),
+        None,
     )
     failed = next((r for r in records if r.kind is RecordKind.EXCEPTION), None)
     if quiet is None or failed is None or failed.content["reply"] != "timeout":
         return ""
     command = sent[failed.content["command"]]
     late = quiet.at_ms - command.at_ms - command.content["timeout_ms"]
-    return f"command {command.content['command']} was given up {late} ms late" if late > 1_000 else ""
+    return (
+        f"command {command.content['command']} was given up {late} ms late" if late > 1_000 else ""
+    )
 
 
 TABLES = {"power": power, "disk": disk, "controller": controller}

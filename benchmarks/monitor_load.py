@@ -1,9 +1,11 @@
-"""A long run watched by one page and many clients: how late events come, whether one is lost, and what memory server and page take.
+"""A long run watched by one page and many clients: how late events come, whether one is lost, and
+what memory server and page take.
 
     python benchmarks/monitor_load.py [--steps 10000] [--rate 100] [--clients 9]
 
-A process writes the journal of a run at the given rate; each record says when it was written. The clients read the stream of
-events, as other programs do. The page is opened in Chromium, if Playwright and Chromium are there. Needs the extra `monitor`.
+A process writes the journal of a run at the given rate; each record says when it was written. The
+clients read the stream of events, as other programs do. The page is opened in Chromium, if
+Playwright and Chromium are there. Needs the extra `monitor`.
 """
 
 import argparse
@@ -32,11 +34,19 @@ QUIET = ("--no-sandbox", "--disable-background-networking", "--disable-component
 def written(store: str, steps: int, rate: float) -> None:
     """Write the journal of a run of so many steps, three records a step."""
     plan = [
-        {"id": n, "step": f"pick(item_{n})", "stream": f"arm_{n % 4}", "start_ms": 1000 * n, "lasts_ms": 900}
+        {
+            "id": n,
+            "step": f"pick(item_{n})",
+            "stream": f"arm_{n % 4}",
+            "start_ms": 1000 * n,
+            "lasts_ms": 900,
+        }
         for n in range(1, steps + 1)
     ]
     with Journal(store) as journal:
-        journal.append("long", [JournalLine(1, 0, "run", {}), JournalLine(2, 0, "plan", _plan(plan))])
+        journal.append(
+            "long", [JournalLine(1, 0, "run", {}), JournalLine(2, 0, "plan", _plan(plan))]
+        )
         begun, number = time.time(), 2
         for step in plan:
             for kind, content in _records(step):
@@ -44,7 +54,9 @@ def written(store: str, steps: int, rate: float) -> None:
                 due = begun + (number - 2) / rate
                 time.sleep(max(0.0, due - time.time()))
                 now = {**content, "written": time.time()}
-                journal.append("long", [JournalLine(number, 1000 * int(str(step["id"])), kind, now)])
+                journal.append(
+                    "long", [JournalLine(number, 1000 * int(str(step["id"])), kind, now)]
+                )
 
 
 def _plan(steps: list[dict[str, Any]]) -> dict[str, Any]:
@@ -71,7 +83,13 @@ def _records(step: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
         "step": number,
     }
     facts = {"adds": [f"held(item_{number})"], "ends": [f"held(item_{number - 1})"]}
-    done = {"step": number, "command": number, "action": action, "started_ms": 1000 * number, **facts}
+    done = {
+        "step": number,
+        "command": number,
+        "action": action,
+        "started_ms": 1000 * number,
+        **facts,
+    }
     return [("command", command), ("reply", {"command": number, "text": "done"}), ("done", done)]  # fmt: skip
 
 
@@ -106,7 +124,9 @@ def resident_mb(process: int) -> float:
 
 
 async def page(address: str, ended: asyncio.Event, heap: list[float], nodes: list[int]) -> None:
-    """Keep the page of the run open, and note what its script takes, in megabytes, and how many elements it has."""
+    """Keep the page of the run open, and note what its script takes, in megabytes, and how many
+    elements it has.
+    """
     chromium = shutil.which("chromium")
     try:
         from playwright.async_api import async_playwright
@@ -163,7 +183,9 @@ async def measured(
 
 def _at_quarters(values: Sequence[float]) -> list[float]:
     """What was measured after a quarter, after a half and at the end."""
-    return [round(values[int(q * (len(values) - 1))], 1) for q in (0.25, 0.5, 1.0)] if values else []
+    return (
+        [round(values[int(q * (len(values) - 1))], 1) for q in (0.25, 0.5, 1.0)] if values else []
+    )
 
 
 def main() -> None:
@@ -198,7 +220,9 @@ def main() -> None:
                     if trial.connect_ex(("127.0.0.1", port)) == 0:
                         break
                 time.sleep(0.1)
-            found = asyncio.run(measured(store, address, server.pid, given.steps, given.rate, given.clients))
+            found = asyncio.run(
+                measured(store, address, server.pid, given.steps, given.rate, given.clients)
+            )
             server.terminate()
     print(json.dumps(found, indent=1))
 

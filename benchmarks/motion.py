@@ -1,18 +1,21 @@
-"""Paths of a UR5 on the problems of MotionBenchMaker: time, length, proof, and an independent check at a finer step.
+"""Paths of a UR5 on the problems of MotionBenchMaker: time, length, proof, and an independent check
+at a finer step.
 
     python benchmarks/motion.py [--data FOLDER] [--numbers N] [--first N] [--kinds NAME ...] [--json FILE]
     python benchmarks/motion.py --certified 1000 [--data FOLDER] [--numbers N] [--json FILE]
 
-The problems are read from `ur5_mbm` in the folder of the data, by default $CELLWRIGHT_DATA. Scenes are built beforehand; times
-are processor time on one core, the best of three calls. Beside ours stands RRT-Connect of OMPL, where it is installed, with the
-same step: once with our compiled check of one configuration per call, and once with MuJoCo's, where that is installed.
-Problems whose start or goal is in collision are refused, and counted. Every path is checked again every 1/320 rad, by coal or
-MuJoCo where one is installed, else by the plain reference's carrier poses and the batch check. Exits with 1 when a problem is
-not solved or a finer look finds a collision.
+The problems are read from `ur5_mbm` in the folder of the data, by default $CELLWRIGHT_DATA. Scenes
+are built beforehand; times are processor time on one core, the best of three calls. Beside ours
+stands RRT-Connect of OMPL, where it is installed, with the same step: once with our compiled check
+of one configuration per call, and once with MuJoCo's, where that is installed. Problems whose start
+or goal is in collision are refused, and counted. Every path is checked again every 1/320 rad, by
+coal or MuJoCo where one is installed, else by the plain reference's carrier poses and the batch
+check. Exits with 1 when a problem is not solved or a finer look finds a collision.
 
-With `--certified` so many paths are planned and proved, from as many seeds as that takes, and each that is proved is looked at
-every hundredth of the step by the batch check in double precision, and every tenth of it by the other library. It tells how
-many needed a second plan, or stretches shorter than the step, and what proofs cost.
+With `--certified` so many paths are planned and proved, from as many seeds as that takes, and each
+that is proved is looked at every hundredth of the step by the batch check in double precision, and
+every tenth of it by the other library. It tells how many needed a second plan, or stretches shorter
+than the step, and what proofs cost.
 """
 
 import argparse
@@ -161,8 +164,11 @@ def measure(task: Task, allowed: frozenset[frozenset[str]], peers: bool) -> dict
     return row
 
 
-def certified(ground: PlanningScene, other: CollisionChecker, task: Task, seed: int) -> dict[str, Any] | None:
-    """A path from a seed, planned, proved, and looked at every hundredth of the step; None where the ends are refused.
+def certified(
+    ground: PlanningScene, other: CollisionChecker, task: Task, seed: int
+) -> dict[str, Any] | None:
+    """A path from a seed, planned, proved, and looked at every hundredth of the step; None where
+    the ends are refused.
 
     Another library looks, too, at the finer step.
     """
@@ -194,10 +200,13 @@ def certified(ground: PlanningScene, other: CollisionChecker, task: Task, seed: 
     }
 
 
-def trial(chosen: list[Task], allowed: frozenset[frozenset[str]], count: int) -> list[dict[str, Any]]:
+def trial(
+    chosen: list[Task], allowed: frozenset[frozenset[str]], count: int
+) -> list[dict[str, Any]]:
     """So many certified paths, of the problems in turn and of ever more seeds."""
     grounds = [
-        PlanningScene(BuiltinChecker(collision_scene_of(task.world, allowed=allowed))) for task in chosen
+        PlanningScene(BuiltinChecker(collision_scene_of(task.world, allowed=allowed)))
+        for task in chosen
     ]
     others = [independent(ground.scene) for ground in grounds]
     rows: list[dict[str, Any]] = []
@@ -213,12 +222,15 @@ def told(rows: list[dict[str, Any]]) -> str:
     sure = [row for row in rows if row["proved"]]
     marks = np.percentile([row["proof_ms"] for row in sure], (50, 95, 100))
     return (
-        f"{len(sure)} of {len(rows)} paths proved; {sum(row['hits'] > 0 for row in sure)} of them touch something in "
-        f"{sum(row['looks'] for row in sure):,} looks every hundredth of the step, {sum(row['other_hits'] > 0 for row in sure)} "
+        f"{len(sure)} of {len(rows)} paths proved; {sum(row['hits'] > 0 for row in sure)} of "
+        "them touch something in "
+        f"{sum(row['looks'] for row in sure):,} looks every hundredth of the step, "
+        f"{sum(row['other_hits'] > 0 for row in sure)} "
         f"in {sum(row['others'] for row in sure):,} looks every tenth of it by another library; "
         f"{np.mean([not row['again'] for row in sure]):.1%} needed no second plan, "
         f"{np.mean([not row['shorter'] for row in sure]):.1%} no stretch shorter than the step; "
-        f"a proof takes {marks[0]:.2f} ms in the median, {marks[1]:.2f} at 95 %, {marks[2]:.2f} at most"
+        f"a proof takes {marks[0]:.2f} ms in the median, {marks[1]:.2f} at 95 %, {marks[2]:.2f} "
+        "at most"
     )
 
 
@@ -265,17 +277,24 @@ def main() -> int:
     )
     parser.add_argument("--data", type=Path, default=os.environ.get("CELLWRIGHT_DATA"))
     parser.add_argument("--numbers", type=int, default=20, help="problems of each kind")
-    parser.add_argument("--first", type=int, default=1, help="the number of the first problem of each kind")
+    parser.add_argument(
+        "--first", type=int, default=1, help="the number of the first problem of each kind"
+    )
     parser.add_argument("--kinds", nargs="*", choices=KINDS, default=list(KINDS))
     parser.add_argument(
-        "--certified", type=int, default=0, metavar="N", help="paths that are proved and looked at finely"
+        "--certified",
+        type=int,
+        default=0,
+        metavar="N",
+        help="paths that are proved and looked at finely",
     )
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     if arguments.data is None:
         parser.error("give --data or set CELLWRIGHT_DATA")
     chosen = tasks(
-        Path(arguments.data) / "ur5_mbm", range(arguments.first, arguments.first + arguments.numbers)
+        Path(arguments.data) / "ur5_mbm",
+        range(arguments.first, arguments.first + arguments.numbers),
     )
     chosen = [task for task in chosen if task.name.split()[0] in arguments.kinds]
     allowed, peers = always_touching(chosen[0]), find_spec("ompl") is not None
@@ -287,7 +306,10 @@ def main() -> int:
         return 1 if any(row.get("hits", 0) + row.get("other_hits", 0) for row in rows) else 0
     rows = [measure(task, allowed, peers) for task in chosen]
     Console().print(shown(rows))
-    counts = {each: sum(row["status"] == each for row in rows) for each in ("solved", "refused", "not found")}
+    counts = {
+        each: sum(row["status"] == each for row in rows)
+        for each in ("solved", "refused", "not found")
+    }
     sure = sum(row.get("proved", False) for row in rows)
     hits = sum(row.get("hits", 0) > 0 for row in rows)
     print(f"{counts}, {sure} proved, {hits} in collision at a finer step")

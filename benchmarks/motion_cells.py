@@ -1,13 +1,16 @@
-"""Motions in the two bundled cells: the three strategies side by side, shorter paths for more work, and travel times.
+"""Motions in the two bundled cells: the three strategies side by side, shorter paths for more work,
+and travel times.
 
     python benchmarks/motion_cells.py [--part PART] [--queries N] [--json FILE]
 
-Half of the queries go from place to place of the cell, at random configurations that reach them, and half between random free
-configurations of the arm. Every strategy gets the same queries, with the same short cuts and the same proof. Times are
-processor time of one call, scenes built beforehand. The length of a path is in rad, beside the shortest of the three. Every
-path is looked at again every 1/320 rad. Handey's planner assumes that the last three joints may change all at once; the last
-table counts where that fails, and how. `refining` shows how paths get shorter with the work, `travel` what the travel times
-between many points cost with one roadmap and one by one, and what it costs to repair that roadmap after a body was put elsewhere.
+Half of the queries go from place to place of the cell, at random configurations that reach them,
+and half between random free configurations of the arm. Every strategy gets the same queries, with
+the same short cuts and the same proof. Times are processor time of one call, scenes built
+beforehand. The length of a path is in rad, beside the shortest of the three. Every path is looked
+at again every 1/320 rad. Handey's planner assumes that the last three joints may change all at
+once; the last table counts where that fails, and how. `refining` shows how paths get shorter with
+the work, `travel` what the travel times between many points cost with one roadmap and one by one,
+and what it costs to repair that roadmap after a body was put elsewhere.
 """
 
 import argparse
@@ -34,8 +37,14 @@ from cellwright.engine.pipelines.planning.target_files import initial_facts
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
 from cellwright.engine.stages.geometry.reach.arm_hand import ArmHand
-from cellwright.engine.stages.geometry.reach.place_reachability import PlaceReachability, ReachedPlace
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.reach.place_reachability import (
+    PlaceReachability,
+    ReachedPlace,
+)
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.engine.stages.motion.path_planner import plan_path
 from cellwright.engine.stages.motion.path_refinement import refine_path
 from cellwright.engine.stages.motion.roadmap import (
@@ -53,7 +62,8 @@ FINER = 1 / 320
 WORK = (0, 3_000, 10_000, 30_000, 100_000, 300_000)  # configurations looked at for shorter paths
 NEAR, SAMPLE = 20, 200  # neighbours of each point, and pairs that are planned for one by one
 RIBS, CLEAR_M = (-0.35, 0.35), 0.08  # across the web, and how far points are from them
-MOVED = ("slra", "jig", "ribs")  # bodies that are put elsewhere, so that the roadmap has to be repaired
+# bodies that are put elsewhere, so that the roadmap has to be repaired
+MOVED = ("slra", "jig", "ribs")
 BUDGET = 100_000  # configurations that one query may look at
 
 
@@ -76,7 +86,9 @@ class Bench:
     def queries(self, count: int, rng: np.random.Generator) -> list[PathQuery]:
         """Pairs of ends that are free."""
         at_places = [
-            answer.q for each in self.places if isinstance(answer := self.reach.at(each), ReachedPlace)
+            answer.q
+            for each in self.places
+            if isinstance(answer := self.reach.at(each), ReachedPlace)
         ]
         free = [self._free(q) for q in at_places]
         free = [q for q in free if len(q)]
@@ -89,7 +101,10 @@ class Bench:
                 start, goal = drawn[n - 1], drawn[n]
             else:
                 a, b = rng.choice(len(free), 2, replace=False)
-                start, goal = free[a][rng.integers(len(free[a]))], free[b][rng.integers(len(free[b]))]
+                start, goal = (
+                    free[a][rng.integers(len(free[a]))],
+                    free[b][rng.integers(len(free[b]))],
+                )
             found.append(PathQuery(start, goal[None]))
         return found
 
@@ -124,7 +139,10 @@ def asked(bench: Bench, query: PathQuery, strategy: Strategy) -> dict[str, Any]:
     mine = PathQuery(query.start, query.goals, strategy=strategy, budget=BUDGET)
     started = time.process_time()
     answer = plan_path(bench.ground, mine, bench.hand)
-    row: dict[str, Any] = {"ms": (time.process_time() - started) * 1e3, "solved": isinstance(answer, Moved)}
+    row: dict[str, Any] = {
+        "ms": (time.process_time() - started) * 1e3,
+        "solved": isinstance(answer, Moved),
+    }
     if isinstance(answer, Moved):
         hits = int(bench.ground.collides(finely(answer.path)).sum())
         row |= {
@@ -166,7 +184,9 @@ def shown(cell: str, rows: dict[str, list[dict[str, Any]]]) -> Table:
     for name, own in rows.items():
         solved = [row for row in own if row["solved"]]
         ratios = [
-            row["length"] / least for row, least in zip(own, best, strict=True) if row["solved"] and least > 0
+            row["length"] / least
+            for row, least in zip(own, best, strict=True)
+            if row["solved"] and least > 0
         ]
         times = [row["ms"] for row in own]
         table.add_row(
@@ -183,7 +203,9 @@ def shown(cell: str, rows: dict[str, list[dict[str, Any]]]) -> Table:
 
 
 def refining(cell: str, bench: Bench, queries: list[PathQuery]) -> Table:
-    """How the time of paths falls with the work, beside the shortest known; straight lines are left out."""
+    """How the time of paths falls with the work, beside the shortest known; straight lines are
+    left out.
+    """
     speeds = np.ones(bench.ground.scene.joints.count)
     speeds[bench.hand.own] = limits_of(bench.world, bench.arm).speed
     courses, spent = [], []
@@ -196,17 +218,27 @@ def refining(cell: str, bench: Bench, queries: list[PathQuery]) -> Table:
         found = refine_path(bench.ground, mine, first, speeds, WORK[-1])
         spent.append((time.process_time() - started) * 1e3)
         courses.append(found.course)
-    table = Table("configurations looked at", "time, of the shortest known: median", "95 %", "ms", title=cell)
+    table = Table(
+        "configurations looked at", "time, of the shortest known: median", "95 %", "ms", title=cell
+    )
     for work in WORK:
-        left = [[t for looked, t in course if looked <= work][-1] / course[-1][1] for course in courses]
+        left = [
+            [t for looked, t in course if looked <= work][-1] / course[-1][1] for course in courses
+        ]
         ms = np.median(spent) * work / WORK[-1]
-        table.add_row(f"{work:,}", f"{np.median(left):.3f}", f"{np.percentile(left, 95):.3f}", f"{ms:.0f}")
+        table.add_row(
+            f"{work:,}", f"{np.median(left):.3f}", f"{np.percentile(left, 95):.3f}", f"{ms:.0f}"
+        )
     return table
 
 
 def travelling(points: int, near: int, rng: np.random.Generator) -> Table:
-    """All travel times of points of the bulkhead to their nearest neighbours, by one roadmap, and one by one."""
-    table = Table("what", "processor s", "s", title=f"bulkhead: {points} points, {near} neighbours each")
+    """All travel times of points of the bulkhead to their nearest neighbours, by one roadmap,
+    and one by one.
+    """
+    table = Table(
+        "what", "processor s", "s", title=f"bulkhead: {points} points, {near} neighbours each"
+    )
     bench, began = Bench("bulkhead/one_point"), (time.process_time(), time.time())
 
     def row(what: str) -> None:
@@ -244,7 +276,9 @@ def travelling(points: int, near: int, rng: np.random.Generator) -> Table:
     spent = (time.process_time() - began[0]) * len(pairs) / len(some)
     table.add_row(f"each by itself, from {len(some)} of them", f"{spent:.2f}", "")
     known = np.isfinite(found.time_s)
-    table.add_row("pairs without a way, planned one by one", f"{(~known).sum()}", f"{found.planned}")
+    table.add_row(
+        "pairs without a way, planned one by one", f"{(~known).sum()}", f"{found.planned}"
+    )
     table.add_row("times too long by at most, as a share", f"{found.error():.5f}", "")
     return table
 
@@ -265,7 +299,9 @@ def main() -> int:
     )
     parser.add_argument("--queries", type=int, default=200, help="in each cell")
     parser.add_argument("--points", type=int, default=1000, help="for the travel times")
-    parser.add_argument("--part", choices=("strategies", "refining", "travel"), default="strategies")
+    parser.add_argument(
+        "--part", choices=("strategies", "refining", "travel"), default="strategies"
+    )
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     console, kept, hits = Console(), {}, 0

@@ -1,11 +1,13 @@
-"""Motions of bundled arms among random blocks: how many queries end with a path, with a proof that there is none, or open.
+"""Motions of bundled arms among random blocks: how many queries end with a path, with a proof that
+there is none, or open.
 
     python benchmarks/motion_random.py [--cells N] [--blocks N ...] [--arms NAME ...] [--first N] [--json FILE]
 
-In each cell four queries go between random free configurations of the arm. Times are processor time of one call, the scene built
-beforehand, with short cuts and proof. Every path is looked at again every 1/320 rad. What stays open is planned again with ten
-times the work, for the table alone. RRT-Connect of OMPL gets the same queries where it is installed, with our check, the same step,
-and so many looks at configurations; beside it stands how many of our paths were found with no more.
+In each cell four queries go between random free configurations of the arm. Times are processor time
+of one call, the scene built beforehand, with short cuts and proof. Every path is looked at again
+every 1/320 rad. What stays open is planned again with ten times the work, for the table alone.
+RRT-Connect of OMPL gets the same queries where it is installed, with our check, the same step, and
+so many looks at configurations; beside it stands how many of our paths were found with no more.
 """
 
 import argparse
@@ -35,7 +37,8 @@ ARMS = ("puma_560", "manutec_r3", "t3_746", "ur5")
 QUERIES, BUDGET, STEP = 4, 1_000_000, 1 / 32
 CLEAR_M, BASE_M = 0.005, 0.7  # how free ends are, and how high arms stand
 REACH_M = {"t3_746": 2.5}  # as far as blocks stand from the base of an arm
-NEAR, SIDES_M = 0.45, (0.05, 0.35)  # blocks keep off the base; their sides, where blocks stand within 1 m
+# blocks keep off the base; their sides, where blocks stand within 1 m
+NEAR, SIDES_M = 0.45, (0.05, 0.35)
 
 
 def random_cell(folder: Path, arm: str, blocks: int, rng: np.random.Generator) -> PlanningScene:
@@ -70,9 +73,19 @@ def asked(ground: PlanningScene, query: PathQuery) -> dict[str, Any]:
     match answer:
         case Moved():
             hits = int(ground.collides(finely(answer.path)).sum())
-            return {**row, "end": "path", "proved": answer.proved, "hits": hits, "looked": answer.looked}
+            return {
+                **row,
+                "end": "path",
+                "proved": answer.proved,
+                "hits": hits,
+                "looked": answer.looked,
+            }
         case Blocked():
-            return {**row, "end": "no path, proved" if answer.severed else "open", "looked": answer.looked}
+            return {
+                **row,
+                "end": "no path, proved" if answer.severed else "open",
+                "looked": answer.looked,
+            }
     return {**row, "end": "refused"}
 
 
@@ -128,9 +141,9 @@ def measured(arm: str, blocks: int, cells: range, peer_looks: int) -> list[dict[
             query = PathQuery(start, goal[None], step=STEP, budget=BUDGET)
             row = {"arm": arm, "blocks": blocks, "cell": seed, **asked(ground, query)}
             if row["end"] == "open":
-                row["later"] = asked(ground, PathQuery(start, goal[None], step=STEP, budget=10 * BUDGET))[
-                    "end"
-                ]
+                row["later"] = asked(
+                    ground, PathQuery(start, goal[None], step=STEP, budget=10 * BUDGET)
+                )["end"]
             if peer_looks and find_spec("ompl"):
                 row["ompl"] = of_ompl(ground, query, peer_looks)
             rows.append(row)
@@ -141,19 +154,37 @@ def shown(rows: list[dict[str, Any]], peer_looks: int) -> Table:
     """The table that people read."""
     peer = ["as few looks", "OMPL", "its ms, 50 %"] if any("ompl" in row for row in rows) else []
     table = Table(
-        "arm", "blocks", "queries", "path", "none, proved", "open", "ms, 50 %", "95 %", "hits", *peer
+        "arm",
+        "blocks",
+        "queries",
+        "path",
+        "none, proved",
+        "open",
+        "ms, 50 %",
+        "95 %",
+        "hits",
+        *peer,
     )
     for key in dict.fromkeys((row["arm"], row["blocks"]) for row in rows):
         own = [row for row in rows if (row["arm"], row["blocks"]) == key]
-        ends = [sum(row["end"] == each for row in own) for each in ("path", "no path, proved", "open")]
+        ends = [
+            sum(row["end"] == each for row in own) for each in ("path", "no path, proved", "open")
+        ]
         marks = np.percentile([row["ms"] for row in own], (50, 95))
         said = [f"{sum(row.get('hits', 0) > 0 for row in own)}"]
         if peer:
-            said.append(f"{sum(row['end'] == 'path' and row['looked'] <= peer_looks for row in own)}")
+            said.append(
+                f"{sum(row['end'] == 'path' and row['looked'] <= peer_looks for row in own)}"
+            )
             solved = [row["ompl"]["ms"] for row in own if row["ompl"]["solved"]]
             said += [f"{len(solved)}", f"{np.median(solved):.1f}"]
         table.add_row(
-            key[0], f"{key[1]}", f"{len(own)}", *map(str, ends), *(f"{each:.2f}" for each in marks), *said
+            key[0],
+            f"{key[1]}",
+            f"{len(own)}",
+            *map(str, ends),
+            *(f"{each:.2f}" for each in marks),
+            *said,
         )
     if peer:
         table.caption = f"OMPL looks at no more than {peer_looks:,} configurations"
@@ -169,7 +200,9 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="the number of the first cell")
     parser.add_argument("--blocks", type=int, nargs="*", default=[10, 40])
     parser.add_argument("--arms", nargs="*", choices=ARMS, default=ARMS[:2])
-    parser.add_argument("--ompl", type=int, default=20_000, metavar="LOOKS", help="0 leaves OMPL out")
+    parser.add_argument(
+        "--ompl", type=int, default=20_000, metavar="LOOKS", help="0 leaves OMPL out"
+    )
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     cells = range(arguments.first, arguments.first + arguments.cells)
@@ -183,7 +216,8 @@ def main() -> int:
     for row in rows:
         if row["end"] == "open":
             print(
-                f"open: {row['arm']}, {row['blocks']} blocks, cell {row['cell']}; with ten times the work: {row['later']}"
+                f"open: {row['arm']}, {row['blocks']} blocks, cell {row['cell']}; with ten "
+                f"times the work: {row['later']}"
             )
     if arguments.json:
         arguments.json.write_text(json.dumps(rows, indent=1) + "\n")

@@ -1,10 +1,12 @@
-"""A seeded sample of mutants of some files, as JSON: run by the Python that has cosmic-ray, called by `mutation.py`.
+"""A seeded sample of mutants of some files, as JSON: run by the Python that has cosmic-ray, called
+by `mutation.py`.
 
     python benchmarks/mutants.py --seed N --count N FILE...
 
-Mutations are cosmic-ray's own, and one more: a statement is deleted, since a rule that can be deleted is the hole that
-matters most. Every place has the same chance, whatever the number of its mutations. Left out is what says nothing of
-behaviour: annotations, how dataclasses are stored, and identity in place of equality.
+Mutations are cosmic-ray's own, and one more: a statement is deleted, since a rule that can be
+deleted is the hole that matters most. Every place has the same chance, whatever the number of its
+mutations. Left out is what says nothing of behaviour: annotations, how dataclasses are stored, and
+identity in place of equality.
 """
 
 import argparse
@@ -42,7 +44,11 @@ def main() -> None:
 def sample(files: list[str], seed: int, count: int) -> Iterator[dict[str, object]]:
     """At most `count` mutants, each of another place, in an order that the seed fixes."""
     chance = random.Random(seed)
-    sites = {site: found for file in files for site, found in places(file, Path(file).read_text()).items()}
+    sites = {
+        site: found
+        for file in files
+        for site, found in places(file, Path(file).read_text()).items()
+    }
     order = sorted(sites)
     chance.shuffle(order)
     for file, kind, span in order:
@@ -69,7 +75,9 @@ def places(file: str, text: str) -> dict[Site, list[Chosen]]:
         spans = [span for node in nodes for span in made.mutation_positions(node)]
         for occurrence, span in enumerate(spans):
             if not any(first <= span[0] and span[1] <= last for first, last in silent):
-                found.setdefault((file, name.split("Operator_")[0], span), []).append((name, occurrence))
+                found.setdefault((file, name.split("Operator_")[0], span), []).append(
+                    (name, occurrence)
+                )
     for occurrence, statement in enumerate(_statements(text)):
         found[file, DELETION, _span(statement)] = [(DELETION, occurrence)]
     return found
@@ -83,7 +91,10 @@ def _silent(tree: ast.Module) -> Iterator[Span]:
                 yield _span(part)
         if isinstance(node, ast.ClassDef):
             for each in node.decorator_list:
-                yield (each.lineno, each.col_offset - 1), (each.end_lineno or 0, each.end_col_offset or 0)
+                yield (
+                    (each.lineno, each.col_offset - 1),
+                    (each.end_lineno or 0, each.end_col_offset or 0),
+                )
         if isinstance(node, ast.Subscript):  # list[int] and its like
             yield _span(node.slice) if _is_type(node) else ((0, 0), (0, 0))
 

@@ -2,15 +2,18 @@
 
     python benchmarks/mutation.py --mutators PYTHON [--seed N] [--count N] [--only TEXT...] [--json FILE] [--again FILE...]
 
-PYTHON has cosmic-ray, which the product does not use; it makes the mutants (`mutants.py`). Each mutant runs the tests of its
-module, on a copy of the tree. All laws try all of their examples.
+PYTHON has cosmic-ray, which the product does not use; it makes the mutants (`mutants.py`). Each
+mutant runs the tests of its module, on a copy of the tree. All laws try all of their examples.
 
-A run costs what it needs for a verdict, and no more. One process for each module imports and collects its tests once, notes
-which lines each test reaches, and forks for each mutant (`mutation_runs.py`). Only those tests run that reach the statement
-with the mutant, the cheapest first, until one fails. The others do the same with the mutant as without it, so that the verdict
-is that of all tests. What runs while tests are collected is reached by all of them. A mutant that no test reaches survives.
+A run costs what it needs for a verdict, and no more. One process for each module imports and
+collects its tests once, notes which lines each test reaches, and forks for each mutant
+(`mutation_runs.py`). Only those tests run that reach the statement with the mutant, the cheapest
+first, until one fails. The others do the same with the mutant as without it, so that the verdict is
+that of all tests. What runs while tests are collected is reached by all of them. A mutant that no
+test reaches survives.
 
-With --again only those mutants run that survived, or were not tried, by the JSON of earlier runs. Exits with 1 below 85 %.
+With --again only those mutants run that survived, or were not tried, by the JSON of earlier runs.
+Exits with 1 below 85 %.
 """
 
 import argparse
@@ -35,7 +38,9 @@ PASS = 0.85
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of one mutant: killed, survived, or timeout; `diff` shows it, `seconds` are of processor time."""
+    """What became of one mutant: killed, survived, or timeout; `diff` shows it, `seconds` are
+    of processor time.
+    """
 
     module: str
     file: str
@@ -54,7 +59,13 @@ def main() -> None:
         for pattern in patterns
         for path in sorted(TOP.glob(pattern))
     }
-    made = [given.mutators, "benchmarks/mutants.py", f"--seed={given.seed}", f"--count={given.count}", *files]
+    made = [
+        given.mutators,
+        "benchmarks/mutants.py",
+        f"--seed={given.seed}",
+        f"--count={given.count}",
+        *files,
+    ]
     mutants = json.loads(subprocess.run(made, cwd=TOP, check=True, capture_output=True).stdout)
     known = _noticed(given.again)
     verdicts: list[Verdict] = []
@@ -63,14 +74,21 @@ def main() -> None:
         _copied(copy)
         for module in (each for each in MODULES if any(text in each for text in given.only)):
             own = [
-                each for file in files if files[file] == module for each in mutants if each["file"] == file
+                each
+                for file in files
+                if files[file] == module
+                for each in mutants
+                if each["file"] == file
             ]
             verdicts += [known[key] for each in own if (key := _key(each)) in known]
             new = [each for each in own if _key(each) not in known]
             for verdict in _tried(copy, module, new) if new else ():
                 verdicts.append(verdict)
                 _keep(given.json, given.seed, verdicts)
-            print(f"{module}: {_said([each for each in verdicts if each.module == module])}", flush=True)
+            print(
+                f"{module}: {_said([each for each in verdicts if each.module == module])}",
+                flush=True,
+            )
     _keep(given.json, given.seed, verdicts)
     report(verdicts)
     sys.exit(score(verdicts) < PASS)
@@ -92,7 +110,11 @@ def _arguments() -> argparse.Namespace:
 def _noticed(files: Sequence[Path]) -> dict[tuple[str, str], Verdict]:
     """The mutants that earlier runs noticed, by file and difference."""
     told = [each for file in files for each in json.loads(file.read_text())["mutants"]]
-    return {(each["file"], each["diff"]): Verdict(**each) for each in told if each["became"] != "survived"}
+    return {
+        (each["file"], each["diff"]): Verdict(**each)
+        for each in told
+        if each["became"] != "survived"
+    }
 
 
 def _key(mutant: Mapping[str, str]) -> tuple[str, str]:
@@ -103,7 +125,11 @@ def _key(mutant: Mapping[str, str]) -> tuple[str, str]:
 def _copied(copy: Path) -> None:
     """The tree as it stands, with what is compiled."""
     listed = subprocess.run(
-        ["git", "ls-files", "-co", "--exclude-standard"], cwd=TOP, check=True, capture_output=True, text=True
+        ["git", "ls-files", "-co", "--exclude-standard"],
+        cwd=TOP,
+        check=True,
+        capture_output=True,
+        text=True,
     ).stdout.splitlines()
     compiled = (str(path.relative_to(TOP)) for path in TOP.glob("engine/**/*.so"))
     for name in (*listed, *compiled):
@@ -113,7 +139,10 @@ def _copied(copy: Path) -> None:
 
 
 def _tried(copy: Path, module: str, mutants: Sequence[Mapping[str, str]]) -> Iterator[Verdict]:
-    """The verdicts on mutants of one module, each as soon as it is known. A process of its own finds them."""
+    """The verdicts on mutants of one module, each as soon as it is known.
+
+    A process of its own finds them.
+    """
     reading, writing = os.pipe()
     child = os.fork()
     if not child:
@@ -129,7 +158,9 @@ def _tried(copy: Path, module: str, mutants: Sequence[Mapping[str, str]]) -> Ite
 def _be_tried(copy: Path, module: str, mutants: Sequence[Mapping[str, str]], out: int) -> None:
     def told(mutant: Mapping[str, str], became: str, seconds: float) -> None:
         file, line = mutant["file"], int(mutant["line"])
-        verdict = Verdict(module, file, line, mutant["operator"], became, round(seconds, 2), _key(mutant)[1])
+        verdict = Verdict(
+            module, file, line, mutant["operator"], became, round(seconds, 2), _key(mutant)[1]
+        )
         os.write(out, f"{json.dumps(asdict(verdict))}\n".encode())
 
     errors, code = os.dup(2), 2
@@ -175,7 +206,9 @@ def report(verdicts: Sequence[Verdict]) -> None:
 
 def _keep(file: Path | None, seed: int, verdicts: Sequence[Verdict]) -> None:
     if file is not None:
-        file.write_text(json.dumps({"seed": seed, "mutants": [asdict(each) for each in verdicts]}, indent=1))
+        file.write_text(
+            json.dumps({"seed": seed, "mutants": [asdict(each) for each in verdicts]}, indent=1)
+        )
 
 
 if __name__ == "__main__":

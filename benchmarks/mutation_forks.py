@@ -1,4 +1,6 @@
-"""Forks and other processes of a mutation run: what came of them, and the limits that each of them has."""
+"""Forks and other processes of a mutation run: what came of them, and the limits that each of
+them has.
+"""
 
 import contextlib
 import math
@@ -37,7 +39,8 @@ def fork(run: Callable[[], None]) -> int:
 def waited(child: int, patience: float) -> Became:
     """What came of a run, and its processor time; what it leaves behind ends with it."""
     ended, status = 0, 0
-    looks = math.inf if patience == math.inf else round(patience / LOOK_S)  # not the clock: we may be stopped
+    # not the clock: we may be stopped
+    looks = math.inf if patience == math.inf else round(patience / LOOK_S)
     try:
         while not ended and looks:
             ended, status, used = os.wait4(child, os.WNOHANG)
@@ -49,7 +52,10 @@ def waited(child: int, patience: float) -> Became:
     if not ended:
         _, status, used = os.wait4(child, 0)
     endless = not ended or (os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU)
-    return "timeout" if endless else "killed" if status else "survived", used.ru_utime + used.ru_stime
+    return (
+        "timeout" if endless else "killed" if status else "survived",
+        used.ru_utime + used.ru_stime,
+    )
 
 
 def patience_s(usual_s: float) -> float:

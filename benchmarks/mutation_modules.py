@@ -52,14 +52,24 @@ MODULES: dict[
         ),
     ),
     "MACROP proof": (
-        ("engine/stages/macros/learning/plan_proof.py", "engine/stages/macros/learning/proof_safety.py"),
+        (
+            "engine/stages/macros/learning/plan_proof.py",
+            "engine/stages/macros/learning/proof_safety.py",
+        ),
         (f"{MACROS}/test_figure_4.py", f"{MACROS}/test_proof.py", f"{MACROS}/test_generalise.py"),
     ),
     "checks of the knowledge base": (
         ("kb/check/*.py",),
         tuple(
             f"tests/kb/check/test_{name}.py"
-            for name in ("fault_bases", "near_misses", "oversights", "domain_checks", "alike", "whole_domain")
+            for name in (
+                "fault_bases",
+                "near_misses",
+                "oversights",
+                "domain_checks",
+                "alike",
+                "whole_domain",
+            )
         ),
     ),
 }

@@ -1,6 +1,7 @@
 """Which tests can notice a mutant, and what of a module it changes. Nothing here runs a test.
 
-A test that never reaches the statement that a mutant changes behaves with the mutant as it does without it: it need not run.
+A test that never reaches the statement that a mutant changes behaves with the mutant as it does
+without it: it need not run.
 """
 
 import ast
@@ -15,12 +16,16 @@ from typing import Any
 Lines = Mapping[str, frozenset[int]]  # of each file, those that were reached
 Trace = Callable[[FrameType, str, Any], Any]
 Function = ast.FunctionDef | ast.AsyncFunctionDef
-LEAVE = frozenset(("os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "subprocess.Popen"))
+LEAVE = frozenset(
+    ("os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "subprocess.Popen")
+)
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A test, the processor time that it takes, and what it reaches; None: it may reach all, since it starts processes."""
+    """A test, the processor time that it takes, and what it reaches; None: it may reach all,
+    since it starts processes.
+    """
 
     name: str
     seconds: float
@@ -32,7 +37,9 @@ class Measured:
 
 
 class Tracer:
-    """Notes the lines of these files that run between `on` and `off`, in each thread that begins in between."""
+    """Notes the lines of these files that run between `on` and `off`, in each thread that
+    begins in between.
+    """
 
     def __init__(self, files: Iterable[str]) -> None:
         self._seen: dict[str, set[int]] = {file: set() for file in files}
@@ -50,12 +57,17 @@ class Tracer:
         threading.settrace(None)
 
     def watch_processes(self) -> None:
-        """Note as well whether another process is started, which is not followed. There is no way to end this."""
+        """Note as well whether another process is started, which is not followed.
+
+        There is no way to end this.
+        """
         sys.addaudithook(self._audited)
 
     def lines(self) -> Lines | None:
         """What was reached; None if another process may have reached more."""
-        return None if self._left else {file: frozenset(lines) for file, lines in self._seen.items()}
+        return (
+            None if self._left else {file: frozenset(lines) for file, lines in self._seen.items()}
+        )
 
     def _called(self, frame: FrameType, _event: str, _value: Any) -> Trace | None:
         return self._local.get(frame.f_code.co_filename)
@@ -75,12 +87,15 @@ def _noting(lines: set[int]) -> Trace:
 def chosen(tests: Iterable[Measured], file: str, lines: range) -> list[Measured]:
     """The tests that reach one of these lines, the cheapest first."""
     return sorted(
-        (each for each in tests if each.reaches(file, lines)), key=lambda each: (each.seconds, each.name)
+        (each for each in tests if each.reaches(file, lines)),
+        key=lambda each: (each.seconds, each.name),
     )
 
 
 def statement(text: str, line: int) -> range:
-    """The lines of the innermost statement that has this line, with all that lies in it; else, of a decorator, all lines."""
+    """The lines of the innermost statement that has this line, with all that lies in it; else,
+    of a decorator, all lines.
+    """
     found = [each for each in ast.walk(ast.parse(text)) if isinstance(each, ast.stmt)]
     spans = [range(each.lineno, (each.end_lineno or each.lineno) + 1) for each in found]
     return min((span for span in spans if line in span), key=len, default=range(1, len(text) + 1))
@@ -89,8 +104,8 @@ def statement(text: str, line: int) -> range:
 def replaced(original: str, mutated: str, file: str) -> tuple[CodeType, CodeType] | None:
     """The code of the function in whose body alone two texts of a file differ, before and after.
 
-    Functions in functions belong to the outer one. None if the texts differ elsewhere, too: then the module has to be
-    imported to see the difference.
+    Functions in functions belong to the outer one. None if the texts differ elsewhere, too: then
+    the module has to be imported to see the difference.
     """
     before, after = ast.parse(original), ast.parse(mutated)
     pairs = list(zip(outermost(before), outermost(after), strict=False))

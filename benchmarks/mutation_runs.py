@@ -1,9 +1,11 @@
-"""Runs of the tests of one module on its mutants, in one process that has imported and collected all of it once.
+"""Runs of the tests of one module on its mutants, in one process that has imported and collected
+all of it once.
 
-Each test runs once by itself, in a fork, while the lines that it reaches are noted; then all run one after another, without
-tracing, for their costs. For each mutant this process forks, puts the changed code into the functions that have it, and runs
-those tests that reach the mutant, the cheapest first, until one fails. What a mutant changes beside the body of a function,
-and what runs while tests are collected, cannot be exchanged afterwards: then all is imported anew.
+Each test runs once by itself, in a fork, while the lines that it reaches are noted; then all run
+one after another, without tracing, for their costs. For each mutant this process forks, puts the
+changed code into the functions that have it, and runs those tests that reach the mutant, the
+cheapest first, until one fails. What a mutant changes beside the body of a function, and what runs
+while tests are collected, cannot be exchanged afterwards: then all is imported anew.
 
     python benchmarks/mutation_runs.py FILE
 
@@ -26,7 +28,18 @@ from types import CodeType, FunctionType
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
-from mutation_forks import BEGIN_S, IMPORT_S, SAID, SLACK, Became, fork, limit_memory, patience_s, say, waited
+from mutation_forks import (
+    BEGIN_S,
+    IMPORT_S,
+    SAID,
+    SLACK,
+    Became,
+    fork,
+    limit_memory,
+    patience_s,
+    say,
+    waited,
+)
 from mutation_reach import Measured, Tracer, chosen, replaced, statement
 
 ANEW = "anew.json"
@@ -35,7 +48,9 @@ Told = Callable[[Mutant, str, float], None]  # what became of a mutant
 
 
 def run_module(tests: Sequence[str], mutants: Sequence[Mutant], told: Told) -> None:
-    """Try mutants in this process, which has imported nothing of the product; the working folder is a copy of the tree."""
+    """Try mutants in this process, which has imported nothing of the product; the working
+    folder is a copy of the tree.
+    """
     files = sorted({each["file"] for each in mutants})
     trial = Trial(tests, mutants, told, Tracer(str(Path(file).absolute()) for file in files))
     trial.tracer.on()
@@ -55,7 +70,14 @@ def _pytest(tests: Sequence[str], plugin: object) -> int:
         phases=(Phase.explicit, Phase.generate),
         suppress_health_check=[HealthCheck.too_slow],
     )
-    plain = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "--hypothesis-profile=mutation"]
+    plain = [
+        "-x",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "--hypothesis-seed=0",
+        "--hypothesis-profile=mutation",
+    ]
     marks = [
         "-m",
         "not (slow or long)",
@@ -94,7 +116,9 @@ class Trial:
                 elif codes is None:
                     became = _anew(self.tests, own)
                 else:
-                    became = _forked(session, [(items[each.name], each.seconds) for each in own], codes)
+                    became = _forked(
+                        session, [(items[each.name], each.seconds) for each in own], codes
+                    )
             self.told(mutant, *became)
         return True
 
@@ -131,11 +155,17 @@ def _exchange(file: str, text: str, functions: Sequence[FunctionType]) -> Exchan
     codes = replaced(Path(file).read_text(), text, file)
     if codes is None:
         return None
-    found = [each for each in functions if each.__code__ == codes[0] and each.__code__.co_filename == file]
+    found = [
+        each
+        for each in functions
+        if each.__code__ == codes[0] and each.__code__.co_filename == file
+    ]
     return (found, codes[1]) if found else None
 
 
-def _traced(session: pytest.Session, item: pytest.Item, early: Mapping[str, frozenset[int]]) -> Measured:
+def _traced(
+    session: pytest.Session, item: pytest.Item, early: Mapping[str, frozenset[int]]
+) -> Measured:
     """One test by itself: what it takes while it is traced, and what it reaches."""
     tracer = Tracer(early)
 
@@ -148,7 +178,11 @@ def _traced(session: pytest.Session, item: pytest.Item, early: Mapping[str, froz
         return lines and {file: sorted(reached) for file, reached in lines.items()}
 
     found, seconds = _answered(run, item.nodeid)
-    lines = {file: early[file].union(found[file]) for file in early} if isinstance(found, dict) else None
+    lines = (
+        {file: early[file].union(found[file]) for file in early}
+        if isinstance(found, dict)
+        else None
+    )
     return Measured(item.nodeid, seconds, lines)
 
 
@@ -199,20 +233,28 @@ def _answered(run: Callable[[], object], what: str) -> tuple[object, float]:
     return json.loads(answer.read_text()), seconds
 
 
-def _forked(session: pytest.Session, run: Sequence[tuple[pytest.Item, float]], codes: Exchange) -> Became:
-    """What becomes of a mutant that is other code for functions, by tests and what they usually take."""
+def _forked(
+    session: pytest.Session, run: Sequence[tuple[pytest.Item, float]], codes: Exchange
+) -> Became:
+    """What becomes of a mutant that is other code for functions, by tests and what they usually
+    take.
+    """
 
     def mutated() -> None:
         for function in codes[0]:
             function.__code__ = codes[1]
-        session.config.pluginmanager.register(Limits({item.nodeid: cost for item, cost in run}, BEGIN_S))
+        session.config.pluginmanager.register(
+            Limits({item.nodeid: cost for item, cost in run}, BEGIN_S)
+        )
         _run_items(session, [item for item, _ in run])
 
     return waited(fork(mutated), patience_s(sum(cost for _, cost in run)))
 
 
 def _anew(files: Sequence[str], tests: Sequence[Measured]) -> Became:
-    """What becomes of the mutant that is on disk, in a process that imports all; other tests run after these."""
+    """What becomes of the mutant that is on disk, in a process that imports all; other tests
+    run after these.
+    """
     costs = {each.name: each.seconds for each in tests}
     Path(ANEW).write_text(json.dumps({"files": list(files), "costs": costs}))
     run = subprocess.Popen([sys.executable, "-B", __file__, ANEW], start_new_session=True)
@@ -232,7 +274,8 @@ def main() -> None:
 class Limits:
     """A pytest plugin: the order of tests by name, and the limit of processor time.
 
-    At each moment it is a constant and some times what the tests take that have begun: so a run without end costs little.
+    At each moment it is a constant and some times what the tests take that have begun: so a run
+    without end costs little.
     """
 
     def __init__(self, costs: Mapping[str, float], begin_s: float) -> None:

@@ -1,10 +1,12 @@
-"""Grounding, search, check and whole-command times of every bundled problem, and the bars they have to meet.
+"""Grounding, search, check and whole-command times of every bundled problem, and the bars they have
+to meet.
 
     python benchmarks/plan.py [--runs N] [--json FILE]
 
-Times are minima and medians over N runs in one process (whole commands: N fresh processes). Exits with 1 when a bar is
-missed: one point under 0.2 s of search, twelve points under 2 s, one probe under 0.2 s, four under 2 s,
-`cellwright --help` under 0.3 s, and neither NumPy nor ortools loaded by a small problem.
+Times are minima and medians over N runs in one process (whole commands: N fresh processes). Exits
+with 1 when a bar is missed: one point under 0.2 s of search, twelve points under 2 s, one probe
+under 0.2 s, four under 2 s, `cellwright --help` under 0.3 s, and neither NumPy nor ortools loaded
+by a small problem.
 """
 
 import argparse
@@ -72,7 +74,10 @@ def measure(target: str, runs: int) -> dict[str, Any]:
         "problem": target,
         "steps": len(plan.steps) if plan else None,
         "cost": plan.cost if plan else None,
-        **{key: outcome.statistics.counts.get(key, 0) for key in ("operators", "expanded", "generated")},
+        **{
+            key: outcome.statistics.counts.get(key, 0)
+            for key in ("operators", "expanded", "generated")
+        },
         **phases,
         "command": seconds(command("plan", target), runs)[1],
     }
@@ -80,7 +85,10 @@ def measure(target: str, runs: int) -> dict[str, Any]:
 
 def heavy_modules() -> list[str]:
     """Heavy packages that planning a small problem loads."""
-    code = "import sys; from cellwright.engine.pipelines.planning import checked_plan; checked_plan.plan_problem(checked_plan.problem_of('bulkhead/one_point'))"
+    code = (
+        "import sys; from cellwright.engine.pipelines.planning import checked_plan; "
+        "checked_plan.plan_problem(checked_plan.problem_of('bulkhead/one_point'))"
+    )
     code += "; print(*sorted({'numpy', 'ortools'} & set(sys.modules)))"
     return subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -90,7 +98,8 @@ def heavy_modules() -> list[str]:
 def missed(rows: list[dict[str, Any]], help_seconds: float, heavy: list[str]) -> list[str]:
     """The bars that were not met."""
     found = [
-        f"{row['problem']}: search took {row['search']:.3f} s, allowed are {SEARCH_BARS[row['problem']]} s"
+        f"{row['problem']}: search took {row['search']:.3f} s, allowed are "
+        f"{SEARCH_BARS[row['problem']]} s"
         for row in rows
         if row["problem"] in SEARCH_BARS and row["search"] >= SEARCH_BARS[row["problem"]]
     ]
@@ -104,7 +113,8 @@ def table(rows: list[dict[str, Any]]) -> Table:
     made = Table(box=None, pad_edge=False)
     for key in rows[0]:
         made.add_column(
-            f"{key} (s)" if key in ("grounding", "search", "check", "command") else key, justify="right"
+            f"{key} (s)" if key in ("grounding", "search", "check", "command") else key,
+            justify="right",
         )
     for row in rows:
         cells = (

@@ -1,12 +1,14 @@
-"""Competition tasks: our strategies and, in the same run, other planners; solved tasks, times and plan lengths.
+"""Competition tasks: our strategies and, in the same run, other planners; solved tasks, times and
+plan lengths.
 
     python benchmarks/planning.py [--data DIR] [--levels 1-4] [--seconds 60] [--planners NAMES] [--peers PYTHON] [--numeric]
 
-`--data` (else $CELLWRIGHT_DATA) has a folder `pddl/DOMAIN/LEVEL_INSTANCE` with `domain.pddl` and `problem.pddl`, and for
-`--numeric` a folder `pddl-numeric/DOMAIN` with a domain and problems. `--peers` is the Python of an environment with
-`up-fast-downward`, `pyperplan` and `up-enhsp` (which needs Java); without it there are no peers. Times are processor
-times of whole processes with their children, so other work on the machine changes them little; `--seconds` is a limit of
-wall time. Every plan of any planner goes through our checker, and a refused one counts as unsolved.
+`--data` (else $CELLWRIGHT_DATA) has a folder `pddl/DOMAIN/LEVEL_INSTANCE` with `domain.pddl` and
+`problem.pddl`, and for `--numeric` a folder `pddl-numeric/DOMAIN` with a domain and problems.
+`--peers` is the Python of an environment with `up-fast-downward`, `pyperplan` and `up-enhsp` (which
+needs Java); without it there are no peers. Times are processor times of whole processes with their
+children, so other work on the machine changes them little; `--seconds` is a limit of wall time.
+Every plan of any planner goes through our checker, and a refused one counts as unsolved.
 """
 
 import argparse
@@ -33,12 +35,15 @@ from cellwright.kb.diagnostics import InvalidInput
 
 OURS = ("auto", "backward", "forward", "landmarks", "asp")
 PEERS = ("lama-first", "pyperplan", "enhsp")
-Command = Callable[[Path, Path, float], list[str]]  # from a task's folder, the file for its plan, a limit (s)
+# from a task's folder, the file for its plan, a limit (s)
+Command = Callable[[Path, Path, float], list[str]]
 
 
 @dataclass(frozen=True)
 class Run:
-    """One planner on one task: processor seconds of the whole process, steps of a valid plan or None."""
+    """One planner on one task: processor seconds of the whole process, steps of a valid plan or
+    None.
+    """
 
     task: str
     planner: str
@@ -68,9 +73,13 @@ def tasks(data: Path, levels: tuple[int, int]) -> list[Instance]:
 def numeric_tasks(data: Path) -> list[Instance]:
     """All tasks with numbers."""
     found = sorted(
-        data.glob("pddl-numeric/*/pfile*.pddl"), key=lambda path: (path.parent, len(path.name), path.name)
+        data.glob("pddl-numeric/*/pfile*.pddl"),
+        key=lambda path: (path.parent, len(path.name), path.name),
     )
-    return [Instance(f"{path.parent.name}/{path.stem}", path.parent / "domain.pddl", path) for path in found]
+    return [
+        Instance(f"{path.parent.name}/{path.stem}", path.parent / "domain.pddl", path)
+        for path in found
+    ]
 
 
 def ours(strategy: str) -> Command:
@@ -95,11 +104,17 @@ def ours(strategy: str) -> Command:
 
 
 def folder_of(package: str, python: str) -> Path:
-    """Where an environment has a package, which is not imported. Raises `LookupError` if it has none."""
+    """Where an environment has a package, which is not imported.
+
+    Raises `LookupError` if it has none.
+    """
     code = (
-        f"import importlib.util as u; found = u.find_spec('{package}'); print(found.origin if found else '')"
+        f"import importlib.util as u; found = u.find_spec('{package}'); print(found.origin if "
+        "found else '')"
     )
-    found = subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    found = subprocess.run(
+        [python, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.strip()
     if not found:
         raise LookupError(f"{package} is not installed")
     return Path(found).parent
@@ -132,7 +147,14 @@ def enhsp(python: str) -> Command:
     jar = str(folder_of("up_enhsp", python) / "ENHSP" / "enhsp.jar")
 
     def line(folder: Path, plan: Path, _seconds: float) -> list[str]:
-        files = ["-o", str(folder / "domain.pddl"), "-f", str(folder / "problem.pddl"), "-sp", str(plan)]
+        files = [
+            "-o",
+            str(folder / "domain.pddl"),
+            "-f",
+            str(folder / "problem.pddl"),
+            "-sp",
+            str(plan),
+        ]
         return ["java", "-jar", jar, *files, "-npm", "-h", "hadd", "-s", "gbfs"]
 
     return line
@@ -156,13 +178,18 @@ def run(task: Instance, planner: str, command: Command, seconds: float) -> Run:
 
 
 def _of_children() -> float:
-    """The processor seconds of all child processes that have ended so far, with their own children."""
+    """The processor seconds of all child processes that have ended so far, with their own
+    children.
+    """
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
 def output(line: Sequence[str], place: Path, seconds: float) -> str:
-    """What a planner prints; nothing if it fails. After the time it is ended with all that it has started."""
+    """What a planner prints; nothing if it fails.
+
+    After the time it is ended with all that it has started.
+    """
     quiet = subprocess.DEVNULL
     with subprocess.Popen(
         line,
@@ -200,7 +227,9 @@ def _steps(folder: Path, plan: Path) -> int | None:
 
 
 def summary(runs: Sequence[Run], planners: Sequence[str]) -> Table:
-    """Solved tasks, and on the tasks that both solve the ratio of times and the lengths beside the first planner's."""
+    """Solved tasks, and on the tasks that both solve the ratio of times and the lengths beside
+    the first planner's.
+    """
     made = Table(box=None, pad_edge=False, title=f"beside {planners[0]}, on tasks that both solve")
     for column in ("planner", "solved", "time ratio", "steps", f"steps of {planners[0]}"):
         made.add_column(column, justify="left" if column == "planner" else "right")
@@ -209,11 +238,18 @@ def summary(runs: Sequence[Run], planners: Sequence[str]) -> Table:
     for planner in planners:
         pairs = [(by_task[name, planner], by_task[name, planners[0]]) for name in names]
         solved = sum(each.steps is not None for each, _ in pairs)
-        both = [(one, first) for one, first in pairs if one.steps is not None and first.steps is not None]
+        both = [
+            (one, first)
+            for one, first in pairs
+            if one.steps is not None and first.steps is not None
+        ]
         ratio = math.exp(
             sum(math.log(one.seconds / first.seconds) for one, first in both) / max(len(both), 1)
         )
-        lengths = [sum(each.steps or 0 for each in side) for side in zip(*both, strict=True)] or [0, 0]
+        lengths = [sum(each.steps or 0 for each in side) for side in zip(*both, strict=True)] or [
+            0,
+            0,
+        ]
         made.add_row(planner, f"{solved} of {len(pairs)}", f"{ratio:.2f}", *map(str, lengths))
     return made
 
@@ -227,14 +263,17 @@ def listing(runs: Sequence[Run], planners: Sequence[str]) -> Table:
     for name in dict.fromkeys(each.task for each in runs):
         own = {each.planner: each for each in runs if each.task == name}
         cells = [
-            f"{own[p].seconds:.2f} s {own[p].steps if own[p].steps is not None else '-':>4}" for p in planners
+            f"{own[p].seconds:.2f} s {own[p].steps if own[p].steps is not None else '-':>4}"
+            for p in planners
         ]
         made.add_row(name, *cells)
     return made
 
 
 def installed(python: str, names: Sequence[str]) -> dict[str, Command]:
-    """The command lines of the peers that an environment has; one that it lacks is told and left out."""
+    """The command lines of the peers that an environment has; one that it lacks is told and
+    left out.
+    """
     peers = {"lama-first": lama_first, "pyperplan": pyperplan, "enhsp": enhsp}
     found: dict[str, Command] = {}
     for name in names:
@@ -279,7 +318,11 @@ def main() -> int:
         for planner, command in commands.items():
             runs.append(run(task, planner, command, arguments.seconds))
             done = runs[-1]
-            print(f"{done.task} {planner} {done.seconds:.2f} s {done.steps}", file=sys.stderr, flush=True)
+            print(
+                f"{done.task} {planner} {done.seconds:.2f} s {done.steps}",
+                file=sys.stderr,
+                flush=True,
+            )
     console.print(listing(runs, list(commands)))
     console.print(summary(runs, list(commands)))
     if arguments.json:

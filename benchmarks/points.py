@@ -1,7 +1,9 @@
-"""Bulkheads with any number of points, and days of measuring on them: problems and valid plans without a planner.
+"""Bulkheads with any number of points, and days of measuring on them: problems and valid plans
+without a planner.
 
-A day is written by a fixed rule (retract, change the tool if need be, go there, measure), so that thousands of different
-plans are there in seconds; generalising and checking judge them as they judge any other.
+A day is written by a fixed rule (retract, change the tool if need be, go there, measure), so that
+thousands of different plans are there in seconds; generalising and checking judge them as they
+judge any other.
 """
 
 import random
@@ -33,7 +35,8 @@ def cell(points: int) -> Problem:
         f"  - needs(m{n}, {kind_of(n)})\n  - position({_place(n)})" for n in range(1, points + 1)
     )
     text = (
-        f"problem: points_{points}\ndomain: bulkhead\nobjects:\n  measurement: [m1..{points}]\nstatics:\n{needs}\n"
+        f"problem: points_{points}\ndomain: bulkhead\nobjects:\n  measurement: "
+        f"[m1..{points}]\nstatics:\n{needs}\n"
         "initial:\n  - at(t3_746, in_contact_point(meas(m1))), holding(t3_746, us_probe)\n"
         "goals:\n  - measured(us_probe, t3_746, meas(m2))\n"
     )
@@ -68,7 +71,9 @@ def measured(point: int) -> Atom:
 
 @dataclass(frozen=True)
 class Day:
-    """What is measured in which order, from which start, and what is wanted at the end beside the values."""
+    """What is measured in which order, from which start, and what is wanted at the end beside
+    the values.
+    """
 
     start: str
     start_point: int
@@ -82,10 +87,14 @@ class Day:
         place = atom("rack", PROBE) if self.start == "rack" else meas(self.start_point)
         touching = self.start == "contact"
         state = [atom("at", ARM, atom("in_contact_point" if touching else "approach_point", place))]
-        state += [atom("location", t, ARM, Function("in_rack")) for t in (PROBE, LASER) if t != self.tool]
+        state += [
+            atom("location", t, ARM, Function("in_rack")) for t in (PROBE, LASER) if t != self.tool
+        ]
         state.append(atom("holding", ARM, self.tool) if self.tool else atom("hand_empty", ARM))
         state.append(atom("stands", ARM, Function("middle")))
-        state += [atom("couplant_applied", atom("goal_point", meas(n))) for n in sorted(self.coated)]
+        state += [
+            atom("couplant_applied", atom("goal_point", meas(n))) for n in sorted(self.coated)
+        ]
         return tuple(state)
 
     def goals(self) -> And:
@@ -188,7 +197,11 @@ def again(day: Day, draw: random.Random, points: int) -> Day:
     names: dict[int, int] = {}
     for old in (*day.points, day.start_point):
         if old not in names:
-            free = [n for n in range(1, points + 1) if kind_of(n) == kind_of(old) and n not in names.values()]
+            free = [
+                n
+                for n in range(1, points + 1)
+                if kind_of(n) == kind_of(old) and n not in names.values()
+            ]
             names[old] = draw.choice(free)
     visits = tuple(names[point] for point in day.points)
     coated = frozenset(names[point] for point in day.coated)

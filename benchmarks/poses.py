@@ -1,14 +1,17 @@
-"""Order and poses together against tour-then-poses, on the 245 drilling targets of RoboTSP with a UR5.
+"""Order and poses together against tour-then-poses, on the 245 drilling targets of RoboTSP with a
+UR5.
 
     python benchmarks/poses.py [--data FOLDER] [--seed N] [--json FILE]
 
-FOLDER (or the environment variable CELLWRIGHT_DATA) has `robotsp/targets_245.csv`: positions in metres, directions. The
-base of the UR5 stands at the origin of the targets' frame; the drill is 0.1 m long and lies along the flange's z. About
-its axis the drill may be turned in steps of 30 degrees, and every branch of the inverse kinematics counts, angles in
-(-180, 180] degrees. The tour begins and ends at (0, -90, 0, -90, 0, 0) degrees; a move takes as long as its slowest
-joint. Exits with 1 when it is not at least 15 % below tour-then-poses or takes over 2 s after inverse kinematics.
+FOLDER (or the environment variable CELLWRIGHT_DATA) has `robotsp/targets_245.csv`: positions in
+metres, directions. The base of the UR5 stands at the origin of the targets' frame; the drill is 0.1
+m long and lies along the flange's z. About its axis the drill may be turned in steps of 30 degrees,
+and every branch of the inverse kinematics counts, angles in (-180, 180] degrees. The tour begins
+and ends at (0, -90, 0, -90, 0, 0) degrees; a move takes as long as its slowest joint. Exits with 1
+when it is not at least 15 % below tour-then-poses or takes over 2 s after inverse kinematics.
 
-A second baseline has a near-optimal tour of the positions in place of nearest neighbour and two-edge exchange.
+A second baseline has a near-optimal tour of the positions in place of nearest neighbour and
+two-edge exchange.
 """
 
 import argparse
@@ -40,12 +43,16 @@ BAR, SECONDS = 0.15, 2.0
 
 
 def flange_poses(target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """T_base_flange (12, 4, 4) for one row of the table: the drill's tip at the target, its axis along the direction."""
+    """T_base_flange (12, 4, 4) for one row of the table: the drill's tip at the target, its
+    axis along the direction.
+    """
     z = target[3:] / np.linalg.norm(target[3:])
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
     x /= np.linalg.norm(x)
     facing = np.stack([x, np.cross(z, x), z], axis=1)
-    turned = [facing @ transforms.rotation((0.0, 0.0, 1.0), 2 * math.pi * k / TURNS) for k in range(TURNS)]
+    turned = [
+        facing @ transforms.rotation((0.0, 0.0, 1.0), 2 * math.pi * k / TURNS) for k in range(TURNS)
+    ]
     return transforms.transform(np.array(turned), target[:3] - DRILL_M * z)
 
 
@@ -104,7 +111,9 @@ def main() -> int:
     for key in rows[0]:
         table.add_column(key, justify="right")
     for row in rows:
-        table.add_row(row["method"], f"{row['tour s']:.3f}", f"{row['below']:.1%}", f"{row['search s']:.2f}")
+        table.add_row(
+            row["method"], f"{row['tour s']:.3f}", f"{row['below']:.1%}", f"{row['search s']:.2f}"
+        )
     poses = sum(map(len, problem.poses))
     Console().print(
         table, f"{len(problem.visits)} visits, {poses} poses, inverse kinematics {kinematics:.2f} s"

@@ -40,7 +40,16 @@ class Server:
         options = f"-c listen_addresses='' -k {self.folder} {self.settings}"
         log = str(self.folder / "log")
         self._run(
-            "pg_ctl", "-D", str(self._data), "-o", options, "-l", log, "-w", "start", **self.environment
+            "pg_ctl",
+            "-D",
+            str(self._data),
+            "-o",
+            options,
+            "-l",
+            log,
+            "-w",
+            "start",
+            **self.environment,
         )
 
     @property
@@ -49,7 +58,9 @@ class Server:
         return int((self._data / "postmaster.pid").read_text().split()[0])
 
     def kill(self, how: signal.Signals) -> None:
-        """Send its first process a signal: SIGQUIT ends all, SIGKILL leaves the others to notice it."""
+        """Send its first process a signal: SIGQUIT ends all, SIGKILL leaves the others to
+        notice it.
+        """
         with contextlib.suppress(ProcessLookupError):
             os.kill(self.process, how)
 
@@ -65,14 +76,18 @@ class Server:
 
 
 @contextlib.contextmanager
-def server(settings: str = "-c fsync=off", environment: Mapping[str, str] | None = None) -> Iterator[Server]:
+def server(
+    settings: str = "-c fsync=off", environment: Mapping[str, str] | None = None
+) -> Iterator[Server]:
     """A server that runs. `{data}` in the environment is the folder of its data."""
     account = "postgres" if os.getuid() == 0 else None
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
         if account:
             shutil.chown(folder, account)
-        told = {key: value.format(data=folder / "data") for key, value in (environment or {}).items()}
+        told = {
+            key: value.format(data=folder / "data") for key, value in (environment or {}).items()
+        }
         made = Server(folder, settings, told, account)
         made.make()
         made.start()
@@ -83,7 +98,9 @@ def server(settings: str = "-c fsync=off", environment: Mapping[str, str] | None
 
 
 @contextlib.contextmanager
-def served(settings: str = "-c fsync=off", environment: Mapping[str, str] | None = None) -> Iterator[str]:
+def served(
+    settings: str = "-c fsync=off", environment: Mapping[str, str] | None = None
+) -> Iterator[str]:
     """The URL of a server that runs."""
     with server(settings, environment) as made:
         yield made.url

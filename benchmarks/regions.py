@@ -39,7 +39,9 @@ def block(name: str, spread: float, rng: np.random.Generator) -> ConvexPiece:
 def scattered(bodies: int, spread: float) -> tuple[CollisionScene, Floats]:
     """A scene, and 2,000 configurations."""
     rng = np.random.default_rng(1)
-    world = GeometricWorld.of(Cell("scattered", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}))
+    world = GeometricWorld.of(
+        Cell("scattered", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))})
+    )
     bare = collision_scene_of(world)
     blocks = [block(f"block_{n}", spread, rng) for n in range(bodies)]
     moving = [n for n, piece in enumerate(bare.pieces) if piece.carrier]
@@ -63,7 +65,10 @@ def row(bodies: int, spread: float) -> str:
     """The rates of both for one scene, and what it costs to move one of its bodies."""
     scene, q = scattered(bodies, spread)
     by_pairs, by_tree = BuiltinChecker(scene), RegionChecker(scene)
-    pairs, tree = rate(lambda: by_pairs.collides(q), len(q)), rate(lambda: by_tree.collides(q), len(q))
+    pairs, tree = (
+        rate(lambda: by_pairs.collides(q), len(q)),
+        rate(lambda: by_tree.collides(q), len(q)),
+    )
     few = rate(lambda: by_pairs.clearance(q[:100]), 100)
     many = rate(lambda: by_tree.clearance(q[:100]), 100)
     step = transforms.translation(0.01, 0, 0)
@@ -76,8 +81,13 @@ def row(bodies: int, spread: float) -> str:
 
 def main() -> None:
     """Print a row for each number of bodies and each spread."""
-    print("bodies spread  collides: pairs/s    tree/s ratio  clearance: pairs/s    tree/s ratio  moved: ms")
-    for bodies, spread in product([int(each) for each in sys.argv[1:]] or (1000, 3000, 10_000), (0.8, 4.0)):
+    print(
+        "bodies spread  collides: pairs/s    tree/s ratio  clearance: pairs/s    tree/s ratio  "
+        "moved: ms"
+    )
+    for bodies, spread in product(
+        [int(each) for each in sys.argv[1:]] or (1000, 3000, 10_000), (0.8, 4.0)
+    ):
         print(row(bodies, spread), flush=True)
 
 

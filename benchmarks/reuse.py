@@ -1,13 +1,15 @@
-"""What MACROPs and revision are worth: probes by the dozen, planning competitions' tasks, disturbed plans.
+"""What MACROPs and revision are worth: probes by the dozen, planning competitions' tasks, disturbed
+plans.
 
     python benchmarks/reuse.py [--part probes|pddl|revision ...] [--probes N ...] [--data FOLDER] [--json FILE]
 
-`probes`: THEMSE with more depots in the drawer, with a library that one small problem filled, beside planning without.
-`pddl`: MACROPs learned on levels 1 and 2 of a domain, used on 3 to 5 (FOLDER/DOMAIN/LEVEL_NAME/{domain,problem}.pddl;
-default: the folder pddl in CELLWRIGHT_DATA), as whole plans and inside searches; work is nodes generated. `revision`: plans of
-both cells, disturbed in the middle. Times are of the processor. Exits with 1 when a bar is missed: cost not worse by
-more than 5 %, growth close to linear in the number of probes, no harm on later levels (in time, work and cost, geometric
-means), revised plans valid and cheaper to find in the median.
+`probes`: THEMSE with more depots in the drawer, with a library that one small problem filled,
+beside planning without. `pddl`: MACROPs learned on levels 1 and 2 of a domain, used on 3 to 5
+(FOLDER/DOMAIN/LEVEL_NAME/{domain,problem}.pddl; default: the folder pddl in CELLWRIGHT_DATA), as
+whole plans and inside searches; work is nodes generated. `revision`: plans of both cells, disturbed
+in the middle. Times are of the processor. Exits with 1 when a bar is missed: cost not worse by more
+than 5 %, growth close to linear in the number of probes, no harm on later levels (in time, work and
+cost, geometric means), revised plans valid and cheaper to find in the median.
 """
 
 import argparse
@@ -68,12 +70,16 @@ def limited() -> SearchLimits:
 
 
 def drawer(probes: int) -> Problem:
-    """A rack whose drawer has a depot for each of many probes, all to be heated, cooled and stored."""
+    """A rack whose drawer has a depot for each of many probes, all to be heated, cooled and
+    stored.
+    """
     more = "".join(f"  - own_depot(probe_{n}, slot(drawer, {n}))\n" for n in range(5, probes + 1))
     extra = f"objects:\n  probe: [probe_5..{probes}]\n" if probes > 4 else ""
     text = (
-        f"problem: probes_{probes}\ndomain: themse\n{extra}statics:\n  - capacity(drawer, {probes})\n{more}"
-        f"workflow:\n  - for: {{P: [probe_1..{probes}]}}\n    stages: heated(P, 15 min), cooled(P, 5 min), stored(P)\n"
+        f"problem: probes_{probes}\ndomain: themse\n{extra}statics:\n  - capacity(drawer, "
+        f"{probes})\n{more}"
+        f"workflow:\n  - for: {{P: [probe_1..{probes}]}}\n    stages: heated(P, 15 min), "
+        "cooled(P, 5 min), stored(P)\n"
     )
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "probes.yaml"
@@ -99,7 +105,12 @@ def probes(numbers: list[int]) -> Iterator[Row]:
                 "lasts_s": plan_makespan(answered.outcome.plan),
                 "plain_lasts_s": plan_makespan(plain.plan),
             }
-            row = {"probes": number, "origin": answered.origin, "with_s": with_s, "plain_s": plain_s}
+            row = {
+                "probes": number,
+                "origin": answered.origin,
+                "with_s": with_s,
+                "plain_s": plain_s,
+            }
             yield {**row, **costs, "learning_s": learning}
 
 
@@ -161,7 +172,9 @@ def revisions(each: int) -> Iterator[Row]:
             now = moment(made, draw.randrange(len(made.plan.steps)), draw.randint(1, 3), 0, draw)
             revising, found = seconds(lambda m=made, n=now: revise_plan(m, n.done, n.observed))  # type: ignore[misc]
             scratch, fresh = seconds(lambda f=found: checked_plan.plan_problem(f.problem))  # type: ignore[misc]
-            valid = isinstance(found.outcome, Found) and not validate_plan(found.problem, found.outcome.plan)
+            valid = isinstance(found.outcome, Found) and not validate_plan(
+                found.problem, found.outcome.plan
+            )
             row = {"plan": f"{path.parts[-3]}/{path.stem}", "way": found.way, "valid": valid}
             costs = {"cost": cost(found.outcome), "fresh_cost": cost(fresh)}
             yield {**row, "revising_s": revising, "scratch_s": scratch, **costs}
@@ -173,7 +186,9 @@ def table(title: str, rows: list[Row]) -> None:
     for name in rows[0]:
         printed.add_column(name, justify="right", overflow="fold")
     for row in rows:
-        printed.add_row(*(f"{each:.3f}" if isinstance(each, float) else str(each) for each in row.values()))
+        printed.add_row(
+            *(f"{each:.3f}" if isinstance(each, float) else str(each) for each in row.values())
+        )
     console.print(printed)
 
 
@@ -188,7 +203,9 @@ def judged_probes(rows: list[Row]) -> Iterator[tuple[str, bool]]:
 
 
 def judged_pddl(rows: list[Row]) -> Iterator[tuple[str, bool]]:
-    """No harm: answered where planning answers, in no more time and at no more cost in the mean; by domain, and over all."""
+    """No harm: answered where planning answers, in no more time and at no more cost in the
+    mean; by domain, and over all.
+    """
     lost = [row for row in rows if row["cost"] is None and row["plain_cost"] is not None]
     won = sum(row["cost"] is not None and row["plain_cost"] is None for row in rows)
     yield f"{len(lost)} tasks lost, {won} won", not lost
@@ -244,7 +261,9 @@ def main() -> None:
         "--domain", action="append", default=[], help="of planning competitions; default: all"
     )
     parser.add_argument("--each", type=int, default=10, help="disturbances of each plan")
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("CELLWRIGHT_DATA", "data")) / "pddl")
+    parser.add_argument(
+        "--data", type=Path, default=Path(os.environ.get("CELLWRIGHT_DATA", "data")) / "pddl"
+    )
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     gc.set_threshold(100_000)  # as the command line does
@@ -263,7 +282,9 @@ def main() -> None:
         found["revision"] = list(revisions(options.each))
         verdicts += judged_revisions(found["revision"])
     for said, met in verdicts:
-        console.print(f"{'met   ' if met else 'MISSED'} {said}", style="green" if met else "bold red")
+        console.print(
+            f"{'met   ' if met else 'MISSED'} {said}", style="green" if met else "bold red"
+        )
     if options.json:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     sys.exit(0 if all(met for _, met in verdicts) else 1)

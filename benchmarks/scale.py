@@ -1,9 +1,11 @@
-"""The constants of docs/scale.md: what a MACROP, a unit of work and a point cost, in seconds of the processor and in bytes.
+"""The constants of docs/scale.md: what a MACROP, a unit of work and a point cost, in seconds of the
+processor and in bytes.
 
     python benchmarks/scale.py [--macrops N] [--copies N] [--json FILE]
 
-`--macrops` are learned from days of measuring; `--copies` of them under other names fill a library as a big one would be. A constant
-is the least of three rounds where it is short, because other work on the machine makes it longer and never shorter.
+`--macrops` are learned from days of measuring; `--copies` of them under other names fill a library
+as a big one would be. A constant is the least of three rounds where it is short, because other work
+on the machine makes it longer and never shorter.
 """
 
 import argparse
@@ -46,7 +48,9 @@ def spent(work: Callable[[], Any], rounds: int = 1) -> float:
 
 
 def library(folder: Path, count: int, copies: int) -> dict[str, float]:
-    """What MACROPs cost: learned, stored, on the disk, fetched into a process, and in its memory."""
+    """What MACROPs cost: learned, stored, on the disk, fetched into a process, and in its
+    memory.
+    """
     days = different_days(count, 14, 1)
     documents: list[str] = []
     found = {"learn a MACROP (ms)": 1e3 * spent(lambda: documents.extend(lessons(days))) / count}
@@ -63,7 +67,9 @@ def library(folder: Path, count: int, copies: int) -> dict[str, float]:
             seconds += spent(lambda some=some: store.add(some))  # type: ignore[misc]
         found["store a MACROP (ms)"] = 1e3 * seconds / copies
         domain = cell(14).domain
-        found["fetch the outline of a MACROP (ms)"] = 1e3 * spent(Repertoire(store, domain).load) / copies
+        found["fetch the outline of a MACROP (ms)"] = (
+            1e3 * spent(Repertoire(store, domain).load) / copies
+        )
         tracemalloc.start()
         held = Repertoire(store, domain)
         held.load()

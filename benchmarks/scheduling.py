@@ -1,12 +1,14 @@
-"""Job shops, S-LAB protocols and the laboratory cell with many probes: makespan, bound, proof and time of each.
+"""Job shops, S-LAB protocols and the laboratory cell with many probes: makespan, bound, proof and
+time of each.
 
     python benchmarks/scheduling.py [--data FOLDER] [--seconds N] [--json FILE] [--only TEXT]
 
-FOLDER (or CELLWRIGHT_DATA) has `jobshop/jobshop.json` and `slab/*`; without it only the laboratory is scheduled. It is
-run as bundled, and with empty travel between its devices. Two constructive rules run beside the scheduler: what the
-task planner's own order gives, and the first schedule before any search. Exits with 1 when a bar is missed: optima of
-job shops and protocols proved within 60 s; for 2 to 16 probes a first schedule within 1 s and a gap of at most 2 % after
-N (30) seconds, up to 4 probes proved; the critical path with the durations as bundled.
+FOLDER (or CELLWRIGHT_DATA) has `jobshop/jobshop.json` and `slab/*`; without it only the laboratory
+is scheduled. It is run as bundled, and with empty travel between its devices. Two constructive
+rules run beside the scheduler: what the task planner's own order gives, and the first schedule
+before any search. Exits with 1 when a bar is missed: optima of job shops and protocols proved
+within 60 s; for 2 to 16 probes a first schedule within 1 s and a gap of at most 2 % after N (30)
+seconds, up to 4 probes proved; the critical path with the durations as bundled.
 """
 
 import argparse
@@ -51,7 +53,9 @@ STATICS = """
 
 @dataclass(frozen=True)
 class Line:
-    """One instance; `order` is the makespan in the planner's order, `first` that of the first schedule."""
+    """One instance; `order` is the makespan in the planner's order, `first` that of the first
+    schedule.
+    """
 
     name: str
     makespan: int
@@ -94,7 +98,9 @@ def measured(name: str, shop: Shop, seconds: float, bar: Callable[[Line], str]) 
 
 def proves(optimum: int) -> Callable[[Line], str]:
     """The bar of instances whose optimum is known."""
-    return lambda line: "" if line.proved and line.makespan == optimum else f"not proved to be {optimum}"
+    return lambda line: (
+        "" if line.proved and line.makespan == optimum else f"not proved to be {optimum}"
+    )
 
 
 def files(data: Path) -> Iterator[tuple[str, Shop, int]]:
@@ -108,7 +114,9 @@ def files(data: Path) -> Iterator[tuple[str, Shop, int]]:
 def laboratory(folder: Path, travel: bool) -> Path:
     """A copy of the laboratory's domain, with empty travel if wanted."""
     home = folder / ("lab_travel" if travel else "lab")
-    shutil.copytree(bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    shutil.copytree(
+        bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems")
+    )
     if travel:
         rules, domain = home / "rules.lp", home / "domain.yaml"
         rules.write_text(rules.read_text("utf-8") + TRAVEL, "utf-8")
@@ -134,7 +142,9 @@ def probes(home: Path, count: int) -> Path:
 
 
 def probes_line(home: Path, count: int, seconds: float, travel: bool) -> Line:
-    """The laboratory with some probes; what is timed is the scheduler, given the plan of the task planner."""
+    """The laboratory with some probes; what is timed is the scheduler, given the plan of the
+    task planner.
+    """
     problem = load_problem(str(probes(home, count)))
     task = ground(problem)
     found = plan_task(task, SearchLimits(improvement=0))
@@ -179,7 +189,16 @@ def lines(data: Path | None, seconds: float, only: str) -> Iterator[Line]:
 def table(found: list[Line]) -> Table:
     """What was measured; ratios are to the schedule found."""
     made = Table(
-        "instance", "makespan", "bound", "gap %", "proved", "s", "first s", "first /", "order /", "missed"
+        "instance",
+        "makespan",
+        "bound",
+        "gap %",
+        "proved",
+        "s",
+        "first s",
+        "first /",
+        "order /",
+        "missed",
     )
     for line in found:
         least = max(1, line.makespan)
@@ -188,7 +207,14 @@ def table(found: list[Line]) -> Table:
         times = [f"{line.seconds:.2f}", f"{line.first_seconds:.2f}"]
         proved = "yes" if line.proved else "no"
         made.add_row(
-            line.name, str(line.makespan), str(line.bound), f"{gap:.2f}", proved, *times, *ratios, line.missed
+            line.name,
+            str(line.makespan),
+            str(line.bound),
+            f"{gap:.2f}",
+            proved,
+            *times,
+            *ratios,
+            line.missed,
         )
     return made
 
@@ -207,7 +233,9 @@ def main() -> int:
     found = list(lines(data, chosen.seconds, chosen.only))
     Console(width=130).print(table(found))
     if chosen.json:
-        chosen.json.write_text(json.dumps([asdict(line) for line in found], indent=1) + "\n", "utf-8")
+        chosen.json.write_text(
+            json.dumps([asdict(line) for line in found], indent=1) + "\n", "utf-8"
+        )
     return 1 if any(line.missed for line in found) else 0
 
 

@@ -2,8 +2,8 @@
 
     python benchmarks/screenshots.py [FOLDER]
 
-Two runs are carried out, served, and shown in Chromium; the pictures go to `docs/monitor`. Needs the extra `monitor`,
-Playwright and Chromium.
+Two runs are carried out, served, and shown in Chromium; the pictures go to `docs/monitor`. Needs
+the extra `monitor`, Playwright and Chromium.
 """
 
 import argparse
@@ -25,7 +25,10 @@ QUIET = (
     "--disable-component-update",
     "--enable-unsafe-swiftshader",
 )
-RUNS = {"themse": ["themse/one", "--fault", "3=not_gripped"], "bulkhead": ["bulkhead/twelve_points"]}
+RUNS = {
+    "themse": ["themse/one", "--fault", "3=not_gripped"],
+    "bulkhead": ["bulkhead/twelve_points"],
+}
 VIEWS = (
     "now",
     "cell",
@@ -81,7 +84,9 @@ def entering(page: Any, site: str, folder: Path) -> None:
 def main() -> None:
     """Make the pictures."""
     asked = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    asked.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parents[1] / "docs" / "monitor")
+    asked.add_argument(
+        "folder", nargs="?", type=Path, default=Path(__file__).parents[1] / "docs" / "monitor"
+    )
     folder: Path = asked.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as work, socket.socket() as free:
@@ -99,7 +104,9 @@ def main() -> None:
         ):
             while socket.socket().connect_ex(("127.0.0.1", port)):
                 time.sleep(0.5)
-            browser = player.chromium.launch(executable_path=shutil.which("chromium"), args=list(QUIET))
+            browser = player.chromium.launch(
+                executable_path=shutil.which("chromium"), args=list(QUIET)
+            )
             page = browser.new_page(viewport=SIZE)
             page.set_default_timeout(180_000)
             site = f"http://127.0.0.1:{port}"

@@ -1,13 +1,15 @@
-"""Gap to the optimum against processor time on TSPLIB: the chain of 1987, the default, and OR-Tools routing.
+"""Gap to the optimum against processor time on TSPLIB: the chain of 1987, the default, and OR-Tools
+routing.
 
     python benchmarks/sequencing.py [--data FOLDER] [--seconds 1 10] [--only NAME ...] [--peers] [--json FILE]
 
-FOLDER (or the environment variable CELLWRIGHT_DATA) has `tsplib/*.tsp` and `tsplib/optima.txt`, lines `name : optimum`.
-Times are processor seconds of search and bound, compiled kernels loaded. Exits with 1 when a bar is missed: over the
-instances of 700 to 5000 cities a mean gap of at most 0.15 % after 10 s, and none above 0.4 %; at most 1 % after 1 s at 800 to
-1500 cities; and up to 100 cities an optimal tour, proved within 30 s. `bound` is what the command says without a time limit: how far the
-bound lies below the optimum. `--random 100000` adds cities at random places: within
-5 % of 0.7124 sqrt(n A) after 60 s.
+FOLDER (or the environment variable CELLWRIGHT_DATA) has `tsplib/*.tsp` and `tsplib/optima.txt`,
+lines `name : optimum`. Times are processor seconds of search and bound, compiled kernels loaded.
+Exits with 1 when a bar is missed: over the instances of 700 to 5000 cities a mean gap of at most
+0.15 % after 10 s, and none above 0.4 %; at most 1 % after 1 s at 800 to 1500 cities; and up to 100
+cities an optimal tour, proved within 30 s. `bound` is what the command says without a time limit:
+how far the bound lies below the optimum. `--random 100000` adds cities at random places: within 5 %
+of 0.7124 sqrt(n A) after 60 s.
 """
 
 import argparse
@@ -38,7 +40,11 @@ RANDOM_SECONDS, RANDOM_CONSTANT, SIDE = 60.0, 0.7124, 1e6  # Johnson & McGeoch 1
 def instances(data: Path, only: list[str]) -> list[tuple[TourProblem, int]]:
     """The instances and their optima, smallest first."""
     lines = (data / "tsplib" / "optima.txt").read_text().splitlines()
-    optima = {key.strip(): int(value) for key, _, value in (line.partition(":") for line in lines) if value}
+    optima = {
+        key.strip(): int(value)
+        for key, _, value in (line.partition(":") for line in lines)
+        if value
+    }
     names = [name for name in optima if not only or name in only]
     found = [(read_tsplib(data / "tsplib" / f"{name}.tsp"), optima[name]) for name in names]
     return sorted(found, key=lambda each: len(each[0].visits))
@@ -67,7 +73,9 @@ def routing(problem: TourProblem, seconds: float) -> tuple[int, float]:
     model.SetArcCostEvaluatorOfAllVehicles(model.RegisterTransitMatrix(problem.arcs.tolist()))
     parameters = pywrapcp.DefaultRoutingSearchParameters()
     parameters.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.PATH_CHEAPEST_ARC
-    parameters.local_search_metaheuristic = routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
+    parameters.local_search_metaheuristic = (
+        routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
+    )
     parameters.time_limit.FromMilliseconds(int(1000 * seconds))
     started = time.process_time()
     answer = model.SolveWithParameters(parameters)
@@ -134,9 +142,15 @@ def missed(rows: list[dict[str, Any]]) -> list[str]:
     named = [row for row in rows if "random" not in row["instance"]]
     large = [row for row in named if LARGE[0] <= row["n"] <= LARGE[1]]
     thousand = [row for row in named if MIDDLE[0] <= row["n"] <= MIDDLE[1]]
-    found += [f"{row['instance']}: gap above 0.4 %" for row in large if row.get("ours 10 s %", 0) > 0.4]
+    found += [
+        f"{row['instance']}: gap above 0.4 %" for row in large if row.get("ours 10 s %", 0) > 0.4
+    ]
     key = f"ours {RANDOM_SECONDS:g} s %"
-    found += [f"{row['instance']}: more than 5 % above the constant" for row in rows if row.get(key, 0) > 5]
+    found += [
+        f"{row['instance']}: more than 5 % above the constant"
+        for row in rows
+        if row.get(key, 0) > 5
+    ]
     for key, bar, over in (("ours 10 s %", 0.15, large), ("ours 1 s %", 1.0, thousand)):
         gaps = [row[key] for row in over if key in row]
         if gaps and statistics.mean(gaps) > bar:

@@ -2,8 +2,9 @@
 
     python benchmarks/start.py [--runs N] [--json FILE]
 
-Each command runs N times in a process of its own; the least time counts, because other work on the machine makes it longer and
-never shorter. Exits with 1 if `cellwright --help` takes 0.3 s or more, or another command more than twice that.
+Each command runs N times in a process of its own; the least time counts, because other work on the
+machine makes it longer and never shorter. Exits with 1 if `cellwright --help` takes 0.3 s or more,
+or another command more than twice that.
 """
 
 import argparse
@@ -31,7 +32,10 @@ def commands(group: Any, before: tuple[str, ...] = ()) -> Iterator[tuple[str, ..
 
 
 def started(words: Sequence[str], runs: int) -> float:
-    """The least seconds of the processor in which a command has printed its help. Raises `CalledProcessError`."""
+    """The least seconds of the processor in which a command has printed its help.
+
+    Raises `CalledProcessError`.
+    """
     return min(_once(words) for _ in range(runs))
 
 
@@ -50,7 +54,10 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    found = {" ".join(words): started(words, asked.runs) for words in commands(typer.main.get_command(app))}
+    found = {
+        " ".join(words): started(words, asked.runs)
+        for words in commands(typer.main.get_command(app))
+    }
     for name, taken in sorted(found.items(), key=lambda each: -each[1]):
         print(f"{taken:6.2f} s  cellwright {name}")
     if asked.json:

@@ -1,9 +1,11 @@
-"""Contact states of THEMSE with more and more probes, drawer and freezer with as many depots: how net and count grow.
+"""Contact states of THEMSE with more and more probes, drawer and freezer with as many depots: how
+net and count grow.
 
 python benchmarks/states.py [PROBES ...]
 
-With eight and with sixteen probes, the net by contact class must stay under 40 places and take less than a second of processor time, and the
-count of fully specified states must be exact. Otherwise it exits with 1.
+With eight and with sixteen probes, the net by contact class must stay under 40 places and take less
+than a second of processor time, and the count of fully specified states must be exact. Otherwise it
+exits with 1.
 """
 
 import json
@@ -73,9 +75,13 @@ def measured(probes: int) -> dict[str, object]:
 
 
 def main(counts: list[int]) -> int:
-    """Print a line for each number of probes and keep them as JSON. Returns 1 if a bound is missed."""
+    """Print a line for each number of probes and keep them as JSON.
+
+    Returns 1 if a bound is missed.
+    """
     print(
-        f"{'probes':>6} {'places':>6} {'steps':>6} {'classes':>8} {'s':>7} {'MB':>6}  fully specified states"
+        f"{'probes':>6} {'places':>6} {'steps':>6} {'classes':>8} {'s':>7} {'MB':>6}  fully "
+        "specified states"
     )
     rows, missed = [], 0
     for probes in counts:
@@ -83,7 +89,8 @@ def main(counts: list[int]) -> int:
         rows.append(row)
         exact = "" if row["exact"] else "at most "
         print(
-            f"{probes:6} {row['places']:6} {row['transitions']:6} {row['classes']!s:>8} {row['seconds']:7.3f}"
+            f"{probes:6} {row['places']:6} {row['transitions']:6} {row['classes']!s:>8} "
+            f"{row['seconds']:7.3f}"
             f" {row['megabytes']:6.1f}  {exact}{row['states']:,}"
         )
         good = len(str(row["places"])) < 3 and int(str(row["places"])) < MOST_PLACES

@@ -1,17 +1,21 @@
-"""Runs whose steps take longer or shorter than forecast: stays that are too long, and makespans beside perfect knowledge.
+"""Runs whose steps take longer or shorter than forecast: stays that are too long, and makespans
+beside perfect knowledge.
 
     python benchmarks/stochastic.py [--probes N] [--runs N] [--known N] [--work N] [--stay SECONDS] [--jobs N] [--json FILE]
     python benchmarks/stochastic.py --forecast --runs N [--tolerance SECONDS]
 
-Probes are heated, cooled and stored in the laboratory; as many depots, furnace 1, freezer 2. Every step of every run varies evenly by
-20 % around its forecast. Nothing may stay in the furnace for longer than --stay (0: no limit). A stay that was too long has to have
-been told as an exception. For the first --known runs CP-SAT schedules the same plan with the durations that the run had, with
---work units of work, about seconds of one core; a run that nobody could have carried out within --stay is not compared. Exits
-with 1 if a stay was too long and nobody told, if a run does not reach its goals, or if the mean makespan is more than 3 % longer. With --json what was run is kept, and the next call goes on behind it; --jobs runs
-so many at the same time.
+Probes are heated, cooled and stored in the laboratory; as many depots, furnace 1, freezer 2. Every
+step of every run varies evenly by 20 % around its forecast. Nothing may stay in the furnace for
+longer than --stay (0: no limit). A stay that was too long has to have been told as an exception.
+For the first --known runs CP-SAT schedules the same plan with the durations that the run had, with
+--work units of work, about seconds of one core; a run that nobody could have carried out within
+--stay is not compared. Exits with 1 if a stay was too long and nobody told, if a run does not reach
+its goals, or if the mean makespan is more than 3 % longer. With --json what was run is kept, and
+the next call goes on behind it; --jobs runs so many at the same time.
 
-With --forecast: how good the forecasts of starts are, of all and of those that a run shows, which may not be off by more than
---tolerance. Exits with 1 if less than 93 % or more than 97.5 % of the starts are in their intervals, which should have 95 %.
+With --forecast: how good the forecasts of starts are, of all and of those that a run shows, which
+may not be off by more than --tolerance. Exits with 1 if less than 93 % or more than 97.5 % of the
+starts are in their intervals, which should have 95 %.
 """
 
 import argparse
@@ -66,7 +70,9 @@ class Kept:
 
 @dataclass(frozen=True)
 class Line:
-    """One run: how it ended, how long it took, stays that were too long, those of them that were told, and orders changed."""
+    """One run: how it ended, how long it took, stays that were too long, those of them that
+    were told, and orders changed.
+    """
 
     outcome: str
     makespan_s: float
@@ -78,9 +84,13 @@ class Line:
 
 
 def problem_in(folder: Path, probes: int, stay: int) -> Problem:
-    """So many probes with as many depots; nothing may stay in the furnace for longer than `stay` s, if that is given."""
+    """So many probes with as many depots; nothing may stay in the furnace for longer than
+    `stay` s, if that is given.
+    """
     home = folder / "lab"
-    shutil.copytree(bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    shutil.copytree(
+        bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems")
+    )
     text = (home / "domain.yaml").read_text("utf-8")
     declared = text.replace("\nstatics:", "\nstatics:\n  longest_stay(unit, time): {}", 1)
     (home / "domain.yaml").write_text(declared, "utf-8")
@@ -98,7 +108,9 @@ def problem_in(folder: Path, probes: int, stay: int) -> Problem:
     return load_problem(str(home / "problems" / "probes.yaml"))
 
 
-def run(problem: Problem, ready: ReadyPlan, seed: int, stay: int) -> tuple[Line, list[JournalRecord]]:
+def run(
+    problem: Problem, ready: ReadyPlan, seed: int, stay: int
+) -> tuple[Line, list[JournalRecord]]:
     """One run on the virtual clock."""
     began = time.process_time()
     kept = Kept()
@@ -107,16 +119,22 @@ def run(problem: Problem, ready: ReadyPlan, seed: int, stay: int) -> tuple[Line,
     ending = execution.start(ready, SymbolicWorld.of(problem, initial_situation(problem).state))
     records = kept.records
     told = [each for each in records if each.kind is RecordKind.EXCEPTION]
-    said = {each.content["action"] for each in told if each.content["exception"] == "stays_too_long"}
+    said = {
+        each.content["action"] for each in told if each.content["exception"] == "stays_too_long"
+    }
     broken = [pick for pick, lasted in stays(records) if stay and lasted > stay * 1000]
     orders = sum(each.kind is RecordKind.PLAN for each in records) - 1
     took = time.process_time() - began
     untold = len([pick for pick in broken if pick not in said])
-    return Line(ending.outcome, ending.makespan_ms / 1000, len(broken), untold, orders, took), records
+    return Line(
+        ending.outcome, ending.makespan_ms / 1000, len(broken), untold, orders, took
+    ), records
 
 
 def stays(records: list[JournalRecord]) -> list[tuple[str, int]]:
-    """Each step that takes a probe out of the furnace, and how long the probe had been there when it began."""
+    """Each step that takes a probe out of the furnace, and how long the probe had been there
+    when it began.
+    """
     brought: dict[str, int] = {}
     found = []
     for each in (record for record in records if record.kind is RecordKind.DONE):
@@ -138,8 +156,13 @@ def with_perfect_knowledge(
     """
     lasted: dict[str, list[int]] = {}
     for each in (record for record in records if record.kind is RecordKind.DONE):
-        lasted.setdefault(each.content["action"], []).append(each.at_ms - each.content["started_ms"])
-    known = {read_ground_atom(action): round(statistics.mean(each) / 1000) for action, each in lasted.items()}
+        lasted.setdefault(each.content["action"], []).append(
+            each.at_ms - each.content["started_ms"]
+        )
+    known = {
+        read_ground_atom(action): round(statistics.mean(each) / 1000)
+        for action, each in lasted.items()
+    }
     told = replace(problem, durations=known)
     steps = tuple(replace(s, duration=known.get(s.operator, s.duration)) for s in ready.plan.steps)
     made = time_plan(told, ground(told), replace(ready.plan, steps=steps), ScheduleLimits(work))
@@ -151,8 +174,8 @@ def with_perfect_knowledge(
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """A start that was forecast `place` steps ahead, `near` if within the horizon: whether it came in its interval, and no
-    further off than told; how far off that may be, in milliseconds.
+    """A start that was forecast `place` steps ahead, `near` if within the horizon: whether it came
+    in its interval, and no further off than told; how far off that may be, in milliseconds.
     """
 
     place: int
@@ -165,33 +188,39 @@ class Told:
 def forecasts(records: list[JournalRecord], tolerance: int, every: int = 7) -> list[Told]:
     """Each forecast of a start that a display could show behind every so many steps.
 
-    The display shows whole seconds, so half a second is allowed. A step that was exchanged for another one, or that another plan
-    has left out, counts as not begun in its interval.
+    The display shows whole seconds, so half a second is allowed. A step that was exchanged for
+    another one, or that another plan has left out, counts as not begun in its interval.
     """
     standing, found, ended = Run("x", tolerance_ms=ANY_MS), list[Told](), 0
     begun: dict[str, list[tuple[int, int]]] = {}
     for each in records:
         if each.kind is RecordKind.DONE:
-            begun.setdefault(each.content["action"], []).append((each.number, each.content["started_ms"]))
+            begun.setdefault(each.content["action"], []).append(
+                (each.number, each.content["started_ms"])
+            )
     for each in records:
         standing.take(each)
         ended += each.kind is RecordKind.DONE
         if each.kind is RecordKind.DONE and ended % every == 0:
             left = {
-                action: [ms for number, ms in came if number > each.number] for action, came in begun.items()
+                action: [ms for number, ms in came if number > each.number]
+                for action, came in begun.items()
             }
             found += compared(standing, left, tolerance)
     return found
 
 
 def compared(standing: Run, begun: dict[str, list[int]], tolerance: int) -> list[Told]:
-    """The forecasts of starts as a run stands, beside those of the steps that have `begun` and ended after that."""
+    """The forecasts of starts as a run stands, beside those of the steps that have `begun` and
+    ended after that.
+    """
     windows = {step: window for step, window in standing.ahead().items() if window is not None}
     vague = [each.start_ms for each in windows.values() if each.off_ms > 1000 * tolerance]
     under_way, found = [action for _, action, *_ in standing.under_way.values()], []
     for place, (step, window) in enumerate(windows.items(), 1):
         action = standing.bars[step].step
-        came = begun.get(action, [])[under_way.count(action) :]  # the same step may come several times
+        # the same step may come several times
+        came = begun.get(action, [])[under_way.count(action) :]
         under_way.append(action)
         near = not vague or window.start_ms < min(vague)
         inside = bool(came) and window.low_ms - HALF_MS <= came[0] <= window.high_ms + HALF_MS
@@ -201,13 +230,16 @@ def compared(standing: Run, begun: dict[str, list[int]], tolerance: int) -> list
 
 
 def forecast_share(problem: Problem, ready: ReadyPlan, runs: int, tolerance: int) -> int:
-    """Print the share of starts within their intervals, by how many steps ahead they were; 1 if it is not as stated."""
+    """Print the share of starts within their intervals, by how many steps ahead they were; 1 if
+    it is not as stated.
+    """
     lines: list[Told] = []
     for seed in range(runs):
         lines += forecasts(run(problem, ready, seed, 0)[1], tolerance)
     for least, most in ((1, 1), (2, 3), (4, 6), (7, 12), (13, 24), (25, 500), (1, 500)):
         shares(
-            f"{least:>3} to {most:>3} steps ahead", [each for each in lines if least <= each.place <= most]
+            f"{least:>3} to {most:>3} steps ahead",
+            [each for each in lines if least <= each.place <= most],
         )
     shares("    within the horizon", [each for each in lines if each.near])
     share = sum(each.inside for each in lines) / len(lines)
@@ -217,10 +249,13 @@ def forecast_share(problem: Problem, ready: ReadyPlan, runs: int, tolerance: int
 def shares(what: str, told: list[Told]) -> None:
     """Print how many of some forecasts were right."""
     count = max(1, len(told))
-    inside, close = (sum(getattr(each, key) for each in told) / count for key in ("inside", "close"))
+    inside, close = (
+        sum(getattr(each, key) for each in told) / count for key in ("inside", "close")
+    )
     off = statistics.median(each.off_ms for each in told) / 1000 if told else 0.0
     sys.stdout.write(
-        f"{what:<24} {len(told):>7} starts, {inside:6.1%} in the interval, {close:6.1%} as near as told, "
+        f"{what:<24} {len(told):>7} starts, {inside:6.1%} in the interval, {close:6.1%} as near "
+        "as told, "
         f"which is {off:.0f} s sooner or later\n"
     )
 

@@ -1,14 +1,17 @@
-"""What a library survives, in SQLite and in PostgreSQL: kills, full disks, damage, and writers beside each other.
+"""What a library survives, in SQLite and in PostgreSQL: kills, full disks, damage, and writers
+beside each other.
 
     python benchmarks/stores.py [--table kills disk damage writers] [--only sqlite postgres] [--kills N] [--full N] [--damage N]
                                 [--writers N] [--seed N] [--json FILE]
 
-A writer puts MACROPs, closed cases, sequences, poses and lines of a journal into a library, and tells after each commit.
-`kills`: SIGKILL at a random moment. What was told is there, `store check` finds nothing, and the next writer goes on.
-`disk`: a library in the preloaded `disk.c` has room for a random number of bytes. The same must hold, and the writer ends with one
-diagnostic. In PostgreSQL each connection of the server has the room. `damage`: bits, bytes and pages of a SQLite file, and documents in
-rows of PostgreSQL, are spoiled. All readers answer or end with diagnostics. `writers`: processes write at once. Everything is there, and
-nobody gets an error. Exits with 1 if something is wrong.
+A writer puts MACROPs, closed cases, sequences, poses and lines of a journal into a library, and
+tells after each commit. `kills`: SIGKILL at a random moment. What was told is there, `store check`
+finds nothing, and the next writer goes on. `disk`: a library in the preloaded `disk.c` has room for
+a random number of bytes. The same must hold, and the writer ends with one diagnostic. In PostgreSQL
+each connection of the server has the room. `damage`: bits, bytes and pages of a SQLite file, and
+documents in rows of PostgreSQL, are spoiled. All readers answer or end with diagnostics. `writers`:
+processes write at once. Everything is there, and nobody gets an error. Exits with 1 if something is
+wrong.
 """
 
 import argparse
@@ -55,7 +58,10 @@ class Table:
 
     def line(self) -> str:
         """The row of a table in Markdown."""
-        figures = f"{self.trials} | {self.committed} | {self.ended} | {len(self.wrong)} | {self.seconds:.1f}"
+        figures = (
+            f"{self.trials} | {self.committed} | {self.ended} | {len(self.wrong)} | "
+            f"{self.seconds:.1f}"
+        )
         return f"| {self.name} | {self.database} | {figures} |"
 
 
@@ -82,12 +88,16 @@ class Place:
         return str(file)
 
 
-def _written(target: str, number: int, rounds: int, tell: Callable[[str], None], size: int = 300) -> None:
+def _written(
+    target: str, number: int, rounds: int, tell: Callable[[str], None], size: int = 300
+) -> None:
     write(target, number, rounds, f"w{number}", tell, size)
 
 
 def forked(work: Callable[[Callable[[str], None]], None]) -> tuple[int, int]:
-    """Run something in a process of its own, with a function to tell lines with; its number, and where they are read."""
+    """Run something in a process of its own, with a function to tell lines with; its number,
+    and where they are read.
+    """
     hear, tell = os.pipe()
     child = os.fork()
     if child:
@@ -118,7 +128,10 @@ def heard(hear: int, count: int) -> str:
 
 
 def ended(child: int, hear: int, first: str = "") -> tuple[list[str], list[str]]:
-    """Wait for a process; the marks of what was committed, and what else it told. `first` was heard before."""
+    """Wait for a process; the marks of what was committed, and what else it told.
+
+    `first` was heard before.
+    """
     with os.fdopen(hear) as file:
         said = (first + file.read()).splitlines()
     os.waitpid(child, 0)
@@ -195,7 +208,9 @@ def full_disks(place: Place, table: Table, count: int, chance: random.Random) ->
 
 def _full(table: Table, target: str, before: list[str], told: list[str], errors: list[str]) -> None:
     before += told
-    strange = [each for each in errors if "InvalidInput" not in each and "JournalFailure" not in each]
+    strange = [
+        each for each in errors if "InvalidInput" not in each and "JournalFailure" not in each
+    ]
     table.note(len(told), bool(errors), "; ".join([*strange, state(target, before)]).strip("; "))
 
 
@@ -253,8 +268,14 @@ def places(only: list[str], name: str, stack: ExitStack) -> Iterator[Place]:
         if name == "disk":
             library = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "disk.so"
             library.parent.chmod(0o755)
-            subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", library, SHIM, "-ldl"], check=True)
-            environment = {"LD_PRELOAD": str(library), "DISK_FOLDER": "{data}/base/", "DISK_ROOM": "600000"}
+            subprocess.run(
+                ["cc", "-shared", "-fPIC", "-O1", "-o", library, SHIM, "-ldl"], check=True
+            )
+            environment = {
+                "LD_PRELOAD": str(library),
+                "DISK_FOLDER": "{data}/base/",
+                "DISK_ROOM": "600000",
+            }
         yield Place(folder, stack.enter_context(served(environment=environment)))
 
 
@@ -264,13 +285,20 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--table", nargs="+", choices=TABLES, default=list(TABLES))
-    parser.add_argument("--only", nargs="+", choices=("sqlite", "postgres"), default=["sqlite", "postgres"])
+    parser.add_argument(
+        "--only", nargs="+", choices=("sqlite", "postgres"), default=["sqlite", "postgres"]
+    )
     for name, count in (("kills", 200), ("full", 50), ("damage", 1000), ("writers", 8)):
         parser.add_argument(f"--{name}", type=int, default=count)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    counts = {"kills": asked.kills, "disk": asked.full, "damage": asked.damage, "writers": asked.writers}
+    counts = {
+        "kills": asked.kills,
+        "disk": asked.full,
+        "damage": asked.damage,
+        "writers": asked.writers,
+    }
     found = list[Table]()
     print("| table | database | trials | committed | ended with diagnostics | wrong | s |")
     print("|---|---|--:|--:|--:|--:|--:|")

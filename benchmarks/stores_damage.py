@@ -1,4 +1,6 @@
-"""Damage to libraries: bits, bytes and pages of a SQLite file, documents in the rows of any database; and all that reads them."""
+"""Damage to libraries: bits, bytes and pages of a SQLite file, documents in the rows of any
+database; and all that reads them.
+"""
 
 import random
 import shutil
@@ -15,7 +17,20 @@ from cellwright.kb.store.journal import Journal
 from cellwright.kb.store.store_maintenance import check_library, store_tables, write_backup
 
 PAGE = 4096
-TEXTS = ("", "{", "[]", "null", "7", '"x"', "\x01", "é" * 40, '{"steps": 3}', "[" * 3000, "9" * 400, "1*x 2*")
+TEXTS = (
+    "",
+    "{",
+    "[]",
+    "null",
+    "7",
+    '"x"',
+    "\x01",
+    "é" * 40,
+    '{"steps": 3}',
+    "[" * 3000,
+    "9" * 400,
+    "1*x 2*",
+)
 
 
 def damaged(target: str, sound: Path, rows: bool, chance: random.Random) -> Callable[[], None]:
@@ -70,7 +85,11 @@ def _spoil_rows(target: str, chance: random.Random) -> Callable[[], None]:
     engine = connect_engine(target)
     with open_transaction(engine, target, writes=True) as connection:
         before = connection.execute(select(key, column)).all()
-        new = chance.choice(TEXTS) if column.type.python_type is str else chance.choice((-1.0, 1e300, 0.0))
+        new = (
+            chance.choice(TEXTS)
+            if column.type.python_type is str
+            else chance.choice((-1.0, 1e300, 0.0))
+        )
         if isinstance(new, str):
             new = new[: getattr(column.type, "length", None)]  # PostgreSQL takes no longer one
         if before and column is not key and not column.primary_key:
@@ -86,7 +105,9 @@ def _spoil_rows(target: str, chance: random.Random) -> Callable[[], None]:
     return undo
 
 
-def read_everything(target: str, domain: str = "cell") -> Iterator[tuple[str, Callable[[], object]]]:
+def read_everything(
+    target: str, domain: str = "cell"
+) -> Iterator[tuple[str, Callable[[], object]]]:
     """All that reads a library, by name; where a domain is asked for, with this one."""
     yield "check", lambda: check_library(target)
     yield "MACROPs", lambda: _with(Library, target, lambda found: list(found.all()))
@@ -101,7 +122,9 @@ def read_everything(target: str, domain: str = "cell") -> Iterator[tuple[str, Ca
     yield "poses", lambda: _with(PoseStore, target, lambda found: found.of(domain, "shared"))
     yield (
         "journal",
-        lambda: _with(Journal, target, lambda found: [list(found.lines(each.run)) for each in found.begun()]),
+        lambda: _with(
+            Journal, target, lambda found: [list(found.lines(each.run)) for each in found.begun()]
+        ),
     )
     backup = Path(f"{target}.backup") if "://" not in target else None
     if backup is not None:
@@ -110,7 +133,9 @@ def read_everything(target: str, domain: str = "cell") -> Iterator[tuple[str, Ca
 
 def _sequences(target: str, domain: str) -> Callable[[Sequences], object]:
     def read(found: Sequences) -> object:
-        names = _with(Cases, target, lambda cases: [each.exception for each in cases.history(domain)])
+        names = _with(
+            Cases, target, lambda cases: [each.exception for each in cases.history(domain)]
+        )
         return [found.of(domain, name) for name in names]  # type: ignore[attr-defined]
 
     return read

@@ -16,7 +16,9 @@ DOMAIN = "cell"
 def write(
     target: str, number: int, rounds: int, label: str, tell: Callable[[str], None], size: int = 300
 ) -> None:
-    """Write so many rounds of everything; `tell` hears a mark after each commit. `size` is about the characters of a document."""
+    """Write so many rounds of everything; `tell` hears a mark after each commit. `size` is
+    about the characters of a document.
+    """
     name = f"{label}_{number}_{time.monotonic_ns()}"
     with (
         Library(target) as library,
@@ -37,7 +39,9 @@ def write(
                 SequencePlan(DOMAIN, mark, rest=(PlannedVisit("m1", "probe", (1.0, float(each))),))
             )
             tell(f"sequence {mark}")
-            poses.keep(DOMAIN, "shared", {("m1", "probe", "s"): '{"at": 1}', ("m2", "probe", "s"): "{}"})
+            poses.keep(
+                DOMAIN, "shared", {("m1", "probe", "s"): '{"at": 1}', ("m2", "probe", "s"): "{}"}
+            )
             journal.append(
                 name,
                 [
@@ -49,7 +53,9 @@ def write(
 
 
 def _record(name: str, size: int) -> Record:
-    steps = tuple(MacroStep(StepId(each), Function(f"act{each}")) for each in range(1, 2 + size // 100))
+    steps = tuple(
+        MacroStep(StepId(each), Function(f"act{each}")) for each in range(1, 2 + size // 100)
+    )
     depends = {"operator act": "a1", f"operator {name[-6:]}": "b2"}
     made = Macrop(Function(name), DOMAIN, (), (), (), (), (), (), (), (), steps, (), (), depends)
     return Record(made, "go/0", 1.0, (("goal\ngo", 1),))
@@ -70,7 +76,9 @@ def _marks(target: str) -> Iterator[str]:
                     yield f"sequence {each.exception}"
         for run in journal.begun():
             yield from (
-                f"line {run.run} {each.number}" for each in journal.lines(run.run) if each.number % 2 == 0
+                f"line {run.run} {each.number}"
+                for each in journal.lines(run.run)
+                if each.number % 2 == 0
             )
 
 
@@ -80,7 +88,9 @@ def missing(target: str, told: list[str]) -> list[str]:
 
 
 def alone(target: str, number: str) -> None:
-    """Write until there is no room any more, and print the marks; the last line tells of the error."""
+    """Write until there is no room any more, and print the marks; the last line tells of the
+    error.
+    """
     try:
         write(target, int(number), 400, f"w{number}", lambda said: print(said, flush=True))
     except Exception as error:

@@ -1,15 +1,19 @@
-"""A thousand points, whole: from a table or a QIF document to an ordered, timed and checked plan, by the commands of the README.
+"""A thousand points, whole: from a table or a QIF document to an ordered, timed and checked plan,
+by the commands of the README.
 
     python benchmarks/thousand.py [--points N ...] [--qif FILE ...] [--json FILE] [--keep FOLDER]
 
-Every command is a process of its own, with nothing kept from the one before: `import`, `plan`, `validate` of the plan and
-`schedule` of it. So four starts of the program are in a sum, with reading the domain and the problem. With
-PYTHONDONTWRITEBYTECODE each of them compiles every module, too. Times are of the processor, with all children of a process,
-and of the clock; memory is the peak of the largest process. `one point` plans a single measurement of the cell from scratch in
-a process of its own: it grounds, searches and checks, with the static facts evaluated anew. Reading the files of problem and
-cell, and loading modules, are not in it; `with reading` is the processor time of the whole command `plan --goals`. Tables of
-random points on the bulkhead, with fixed seeds. Exits with 1 when a bar is missed: 20 s and 700 MB for a thousand points, 5 minutes and 3 GB for ten thousand, 0.3 s for one point,
-growth of at most three times the number of points, and travel of the plan as in its sequence.
+Every command is a process of its own, with nothing kept from the one before: `import`, `plan`,
+`validate` of the plan and `schedule` of it. So four starts of the program are in a sum, with
+reading the domain and the problem. With PYTHONDONTWRITEBYTECODE each of them compiles every module,
+too. Times are of the processor, with all children of a process, and of the clock; memory is the
+peak of the largest process. `one point` plans a single measurement of the cell from scratch in a
+process of its own: it grounds, searches and checks, with the static facts evaluated anew. Reading
+the files of problem and cell, and loading modules, are not in it; `with reading` is the processor
+time of the whole command `plan --goals`. Tables of random points on the bulkhead, with fixed seeds.
+Exits with 1 when a bar is missed: 20 s and 700 MB for a thousand points, 5 minutes and 3 GB for ten
+thousand, 0.3 s for one point, growth of at most three times the number of points, and travel of the
+plan as in its sequence.
 """
 
 import argparse
@@ -35,7 +39,8 @@ from cellwright.kb.loader import find_target, load, with_goals
 from cellwright.kb.loader.problem_amounts import cell_points
 from cellwright.kb.model.planning_problem import Problem
 
-BARS = {1_000: (20.0, 700.0), 10_000: (300.0, 3_000.0)}  # points: seconds of the processor, megabytes
+# points: seconds of the processor, megabytes
+BARS = {1_000: (20.0, 700.0), 10_000: (300.0, 3_000.0)}
 ONE_S = 0.3
 GROWTH = 3.0  # times the number of points
 BIG = 100  # points from which on growth is judged
@@ -44,7 +49,9 @@ console = Console()
 
 @dataclass
 class Stage:
-    """One command: seconds of the processor and of the clock, the peak of its memory in megabytes, and its answer."""
+    """One command: seconds of the processor and of the clock, the peak of its memory in
+    megabytes, and its answer.
+    """
 
     cpu_s: float
     wall_s: float
@@ -54,7 +61,9 @@ class Stage:
 
 
 def stage(*arguments: str, output: Path | None = None) -> Stage:
-    """Run a command of the command line in a process of its own; what it prints goes to `output`, if given."""
+    """Run a command of the command line in a process of its own; what it prints goes to
+    `output`, if given.
+    """
     started, child = time.perf_counter(), os.fork()
     if not child:
         with (output or Path(os.devnull)).open("w") as file:
@@ -86,7 +95,9 @@ def chain(kind: str, source: Path, folder: Path) -> dict[str, Any]:
         "import": stage("import", kind, str(source), "--output", str(problem), "--unit", "mm"),
         "plan": stage("plan", str(problem), "--format", "json", "--stats", output=plan),
         "validate": stage("validate", str(plan)),
-        "schedule": stage("schedule", str(plan), "--format", "json", output=folder / "schedule.json"),
+        "schedule": stage(
+            "schedule", str(plan), "--format", "json", output=folder / "schedule.json"
+        ),
     }
     answer = json.loads(plan.read_text())["data"]
     loaded = load(find_target(str(problem))).problem
@@ -103,7 +114,9 @@ def chain(kind: str, source: Path, folder: Path) -> dict[str, Any]:
 
 
 def travel(problem: Problem, answer: Mapping[str, Any]) -> tuple[int, int]:
-    """How far the arm goes from measurement to measurement by the same tool: in the sequence, and in the plan. Micrometres."""
+    """How far the arm goes from measurement to measurement by the same tool: in the sequence,
+    and in the plan. Micrometres.
+    """
     where = {
         str(fact.arguments[0]): [int(str(each)) for each in fact.arguments[1:]]
         for fact in problem.statics
@@ -123,7 +136,9 @@ def travel(problem: Problem, answer: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def one_point(problem: Problem, path: Path) -> dict[str, float]:
-    """Seconds of the processor for a plan of one measurement, alone and as a command, and the operators grounded for it."""
+    """Seconds of the processor for a plan of one measurement, alone and as a command, and the
+    operators grounded for it.
+    """
     name = sorted(problem.objects)[len(problem.objects) // 2]
     asked = measurement_goal(name, problem.domain.conventions)
     whole = stage("plan", str(path), "--goals", asked, "--format", "json")
@@ -163,20 +178,27 @@ def missed(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         bound = next((bar for count, bar in sorted(BARS.items()) if row["points"] <= count), None)
         if bound and (total > bound[0] or peak > bound[1]):
             found.append(
-                f"{row['source']}: {total:.1f} s and {peak:.0f} MB, wanted {bound[0]} s and {bound[1]} MB"
+                f"{row['source']}: {total:.1f} s and {peak:.0f} MB, wanted {bound[0]} s and "
+                f"{bound[1]} MB"
             )
         if row["one"]["cpu_s"] > ONE_S:
             found.append(f"{row['source']}: one point takes {row['one']['cpu_s']:.2f} s")
         if abs(row["travel_um"][0] - row["travel_um"][1]) > row["points"]:
             found.append(
-                f"{row['source']}: the plan travels {row['travel_um'][1]} µm, not {row['travel_um'][0]}"
+                f"{row['source']}: the plan travels {row['travel_um'][1]} µm, not "
+                f"{row['travel_um'][0]}"
             )
-        found += [f"{row['source']}: {name} failed" for name, each in row["stages"].items() if each["code"]]
+        found += [
+            f"{row['source']}: {name} failed"
+            for name, each in row["stages"].items()
+            if each["code"]
+        ]
     for one, other in itertools.pairwise(rows):
         times = [sum(each["cpu_s"] for each in row["stages"].values()) for row in (one, other)]
         if one["points"] >= BIG and times[1] / times[0] > GROWTH * other["points"] / one["points"]:
             found.append(
-                f"from {one['points']} to {other['points']} points time grows {times[1] / times[0]:.1f} times"
+                f"from {one['points']} to {other['points']} points time grows "
+                f"{times[1] / times[0]:.1f} times"
             )
     return found
 

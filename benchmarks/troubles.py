@@ -1,4 +1,6 @@
-"""Random troubleshooting problems for `benchmarks/diagnosis.py`; the same seed gives the same problem."""
+"""Random troubleshooting problems for `benchmarks/diagnosis.py`; the same seed gives the same
+problem.
+"""
 
 import itertools
 import math
@@ -9,7 +11,9 @@ from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, T
 
 
 def isolation(causes: int, tests: int, density: float, skewed: bool, seed: int) -> Troubleshooting:
-    """Certain two-valued tests of costs 1 to 10 that tell all causes apart; each cause shows in a test at `density`."""
+    """Certain two-valued tests of costs 1 to 10 that tell all causes apart; each cause shows in
+    a test at `density`.
+    """
     chance = np.random.default_rng(seed)
     table = chance.random((tests, causes)) < density
     while len(np.unique(table, axis=1).T) < causes:  # draw again what is alike or shows nowhere
@@ -20,24 +24,32 @@ def isolation(causes: int, tests: int, density: float, skewed: bool, seed: int) 
         _test(f"t{i}", float(cost), row.astype(float))
         for i, (cost, row) in enumerate(zip(chance.integers(1, 11, tests), table, strict=True))
     )
-    return Troubleshooting(_names(causes), _priors(causes, skewed, chance), actions, _each(causes, math.inf))
+    return Troubleshooting(
+        _names(causes), _priors(causes, skewed, chance), actions, _each(causes, math.inf)
+    )
 
 
 def uncertain(causes: int, tests: int, seed: int) -> Troubleshooting:
-    """Tests that each answer rightly with a probability between 0.75 and 0.98; a wrong conclusion costs 60."""
+    """Tests that each answer rightly with a probability between 0.75 and 0.98; a wrong
+    conclusion costs 60.
+    """
     chance = np.random.default_rng(seed)
     actions = []
     for i in range(tests):
         shows = chance.random(causes) < 0.4
         right = chance.uniform(0.75, 0.98, causes).round(2)
-        actions.append(_test(f"t{i}", float(chance.integers(1, 11)), np.where(shows, right, 1.0 - right)))
+        actions.append(
+            _test(f"t{i}", float(chance.integers(1, 11)), np.where(shows, right, 1.0 - right))
+        )
     return Troubleshooting(
         _names(causes), _priors(causes, bool(seed % 2), chance), tuple(actions), _each(causes, 60.0)
     )
 
 
 def with_setup(causes: int, tests: int, conditions: int, seed: int) -> Troubleshooting:
-    """As `isolation`, each test needing one or two of the conditions on or off; changing one costs 5 to 20."""
+    """As `isolation`, each test needing one or two of the conditions on or off; changing one
+    costs 5 to 20.
+    """
     chance = np.random.default_rng(10_000 + seed)
     problem = isolation(causes, tests, 0.4, bool(seed % 2), seed)
     prices = chance.integers(5, 21, conditions)
@@ -46,14 +58,20 @@ def with_setup(causes: int, tests: int, conditions: int, seed: int) -> Troublesh
         chosen = chance.choice(conditions, chance.integers(1, 3), replace=False)
         needs.append({int(condition): int(chance.integers(0, 2)) for condition in chosen})
     situations = list(itertools.product((0, 1), repeat=conditions))
-    after = [[tuple(need.get(c, s[c]) for c in range(conditions)) for need in needs] for s in situations]
+    after = [
+        [tuple(need.get(c, s[c]) for c in range(conditions)) for need in needs] for s in situations
+    ]
     costs = tuple(
         tuple(float(sum(prices[c] for c in range(conditions) if s[c] != then[c])) for then in row)
         for s, row in zip(situations, after, strict=True)
     )
     following = tuple(tuple(situations.index(then) for then in row) for row in after)
     return Troubleshooting(
-        problem.causes, problem.priors, problem.actions, problem.conclusions, Setup(costs, following)
+        problem.causes,
+        problem.priors,
+        problem.actions,
+        problem.conclusions,
+        Setup(costs, following),
     )
 
 

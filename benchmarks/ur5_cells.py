@@ -1,6 +1,8 @@
-"""The UR5 cells of MotionBenchMaker (Chamzas and others 2022) as worlds: an arm of spheres among boxes and cylinders.
+"""The UR5 cells of MotionBenchMaker (Chamzas and others 2022) as worlds: an arm of spheres among
+boxes and cylinders.
 
-They are read from the folder `ur5_mbm` of the data: `ur5_spherized.urdf`, `ur5.srdf` and `problems.tar.bz2`.
+They are read from the folder `ur5_mbm` of the data: `ur5_spherized.urdf`, `ur5.srdf` and
+`problems.tar.bz2`.
 """
 
 import tarfile
@@ -33,9 +35,14 @@ class Task:
 
 def tasks(folder: Path, numbers: range = range(1, 2)) -> list[Task]:
     """The cells of these numbers, of every kind."""
-    arm = MountedArm(urdf_arm(folder / "ur5_spherized.urdf", folder / "ur5.srdf", None, [], LoadFindings()))
+    arm = MountedArm(
+        urdf_arm(folder / "ur5_spherized.urdf", folder / "ur5.srdf", None, [], LoadFindings())
+    )
     wanted = {
-        f"{kind}_ur5/{part}{n:04}.yaml" for kind in KINDS for part in ("scene", "request") for n in numbers
+        f"{kind}_ur5/{part}{n:04}.yaml"
+        for kind in KINDS
+        for part in ("scene", "request")
+        for n in numbers
     }
     with tarfile.open(folder / "problems.tar.bz2") as archive:
         read = {
@@ -44,7 +51,11 @@ def tasks(folder: Path, numbers: range = range(1, 2)) -> list[Task]:
             if member.name in wanted
         }
     return [
-        _task(f"{kind} {n}", arm, *(read[f"{kind}_ur5/{part}{n:04}.yaml"] for part in ("scene", "request")))
+        _task(
+            f"{kind} {n}",
+            arm,
+            *(read[f"{kind}_ur5/{part}{n:04}.yaml"] for part in ("scene", "request")),
+        )
         for kind in KINDS
         for n in numbers
     ]
@@ -59,7 +70,8 @@ def _task(name: str, arm: MountedArm, scene: dict[str, Any], request: dict[str, 
     start = request["start_state"]["joint_state"]
     given = dict(zip(start["name"], start["position"], strict=True))
     goal = {
-        each["joint_name"]: each["position"] for each in request["goal_constraints"][0]["joint_constraints"]
+        each["joint_name"]: each["position"]
+        for each in request["goal_constraints"][0]["joint_constraints"]
     }
     ends = np.array([[float(values[joint]) for joint in joints] for values in (given, goal)])
     return Task(name, GeometricWorld.of(cell), ends)

@@ -1,4 +1,6 @@
-"""What a part of the whole measurement is, and how its figures are read from what a benchmark leaves behind."""
+"""What a part of the whole measurement is, and how its figures are read from what a benchmark
+leaves behind.
+"""
 
 import math
 import statistics
@@ -23,10 +25,11 @@ Read = Callable[[Output], float | None]
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure that an issue named. With a `bar` it has to be at most that, or at least that if more is better.
+    """A figure that an issue named. With a `bar` it has to be at most that, or at least that if
+    more is better.
 
-    `noise` is the share by which it may be worse than the last time. `peer` names another program, and reads its figure
-    from the same run.
+    `noise` is the share by which it may be worse than the last time. `peer` names another program,
+    and reads its figure from the same run.
     """
 
     issue: int
@@ -52,9 +55,11 @@ class Figure:
 
 @dataclass(frozen=True)
 class Part:
-    """A benchmark with its arguments in both profiles; `{json}` stands for the file that it keeps, `{cluster}` for the address of a cluster.
+    """A benchmark with its arguments in both profiles; `{json}` stands for the file that it keeps,
+    `{cluster}` for the address of a cluster.
 
-    A profile whose arguments are None leaves it out. `minutes` are what it may take in each profile before it is ended.
+    A profile whose arguments are None leaves it out. `minutes` are what it may take in each profile
+    before it is ended.
     """
 
     name: str
@@ -86,8 +91,13 @@ def at(*keys: str | int) -> Read:
     return read
 
 
-def of(rows: Callable[[Any], Iterable[Any]], key: str, how: Callable[[Sequence[float]], float] = max) -> Read:
-    """One number of all those under a key of some rows: the largest, if nothing else is said. None without rows."""
+def of(
+    rows: Callable[[Any], Iterable[Any]], key: str, how: Callable[[Sequence[float]], float] = max
+) -> Read:
+    """One number of all those under a key of some rows: the largest, if nothing else is said.
+
+    None without rows.
+    """
 
     def read(output: Output) -> float | None:
         values = [float(row[key]) for row in rows(output.kept) if row.get(key) is not None]
@@ -103,11 +113,17 @@ def every(kept: Any) -> Iterable[Any]:
 
 
 def where(key: str, value: Any, inside: str = "") -> Callable[[Any], Iterable[Any]]:
-    """The rows (those under `inside`) with this value under a key; a text has to occur in the row's text."""
+    """The rows (those under `inside`) with this value under a key; a text has to occur in the
+    row's text.
+    """
 
     def rows(kept: Any) -> Iterable[Any]:
         found = kept[inside] if inside else kept
-        return [row for row in found if (value in row[key] if isinstance(value, str) else row[key] == value)]
+        return [
+            row
+            for row in found
+            if (value in row[key] if isinstance(value, str) else row[key] == value)
+        ]
 
     return rows
 

@@ -1,4 +1,6 @@
-"""The page of the whole measurement: every figure with its bar, its peer and the last time; what regressed, failed or is missing."""
+"""The page of the whole measurement: every figure with its bar, its peer and the last time;
+what regressed, failed or is missing.
+"""
 
 import os
 import platform
@@ -15,7 +17,8 @@ PEERS = {
     "OR-Tools": "ortools", "MuJoCo": "mujoco", "coal": "coal", "EAIK": "eaik", "CoACD": "coacd", "OMPL": "ompl",
     "unified-planning": "unified-planning", "Open3D": "open3d", "scikit-image": "scikit-image",
 }  # fmt: skip
-BESIDE = ("up-fast-downward", "pyperplan", "up-enhsp", "cosmic-ray")  # in an environment of their own
+# in an environment of their own
+BESIDE = ("up-fast-downward", "pyperplan", "up-enhsp", "cosmic-ray")
 GIB = 2**30
 
 
@@ -33,8 +36,12 @@ class Machine:
 def this_machine() -> Machine:
     """What this machine is like."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return Machine(cores, _processor(), round(memory / GIB), platform.system(), platform.python_version())
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
+    return Machine(
+        cores, _processor(), round(memory / GIB), platform.system(), platform.python_version()
+    )
 
 
 def _processor() -> str:
@@ -47,7 +54,9 @@ def _processor() -> str:
 
 
 def peers(beside: Path) -> dict[str, str]:
-    """The peers with their versions, `not installed` for those that are not there; `beside` is the folder of others."""
+    """The peers with their versions, `not installed` for those that are not there; `beside` is
+    the folder of others.
+    """
     found = {}
     for name, package in PEERS.items():
         try:
@@ -56,13 +65,17 @@ def peers(beside: Path) -> dict[str, str]:
             found[name] = "not installed"
     for name in BESIDE:
         folders = sorted(beside.glob(f"lib/*/site-packages/{name.replace('-', '_')}-*.dist-info"))
-        found[name] = folders[-1].name.split("-")[1].removesuffix(".dist") if folders else "not installed"
+        found[name] = (
+            folders[-1].name.split("-")[1].removesuffix(".dist") if folders else "not installed"
+        )
     return found
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A whole measurement: when, on what kind of machine, beside which peers, and what came of each part."""
+    """A whole measurement: when, on what kind of machine, beside which peers, and what came of
+    each part.
+    """
 
     date: str
     profile: str
@@ -77,13 +90,18 @@ class Measured:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> "Measured":
-        """The measurement from such data. Raises `TypeError`, `KeyError` if it is something else."""
+        """The measurement from such data.
+
+        Raises `TypeError`, `KeyError` if it is something else.
+        """
         results = tuple(Result(**each) for each in document["results"])
         return cls(**{**document, "machine": Machine(**document["machine"]), "results": results})
 
     def value(self, figure: Figure) -> float | None:
         """The value of a figure; None if it was not measured."""
-        return next((r.figures[figure.what] for r in self.results if figure.what in r.figures), None)
+        return next(
+            (r.figures[figure.what] for r in self.results if figure.what in r.figures), None
+        )
 
     def failed(self) -> dict[str, str]:
         """The parts that failed, and why."""
@@ -91,7 +109,8 @@ class Measured:
 
 
 def regressed(now: Measured, before: Measured | None, parts: Sequence[Part]) -> Iterator[str]:
-    """What is worse than the last time, beyond the noise of each figure; and parts that fail and did not.
+    """What is worse than the last time, beyond the noise of each figure; and parts that fail and
+    did not.
 
     On another kind of machine only figures without noise are compared.
     """
@@ -106,7 +125,9 @@ def regressed(now: Measured, before: Measured | None, parts: Sequence[Part]) -> 
         if value is None or old is None or not (alike or figure.noise == 0.0):
             continue
         if figure.worse(value, old):
-            bar = " and misses its bar now" if figure.met(value) is False and figure.met(old) else ""
+            bar = (
+                " and misses its bar now" if figure.met(value) is False and figure.met(old) else ""
+            )
             yield f"{figure.what}: {told(value, figure)}, it was {number(old)}{bar}"
 
 
@@ -115,7 +136,9 @@ def missed(now: Measured, parts: Sequence[Part]) -> list[str]:
     return [
         f"{figure.what}: {told(value, figure)}, the bar is {number(figure.bar)}"
         for figure in (figure for part in parts for figure in part.figures)
-        if (value := now.value(figure)) is not None and figure.met(value) is False and figure.bar is not None
+        if (value := now.value(figure)) is not None
+        and figure.met(value) is False
+        and figure.bar is not None
     ]
 
 
@@ -135,7 +158,12 @@ def page(now: Measured, before: Measured | None, parts: Sequence[Part]) -> str:
     """The page in Markdown."""
     return (
         "\n".join(
-            [*_head(now, before), *_found(now, before, parts), *_figures(now, before, parts), *_end(now)]
+            [
+                *_head(now, before),
+                *_found(now, before, parts),
+                *_figures(now, before, parts),
+                *_end(now),
+            ]
         )
         + "\n"
     )
@@ -147,21 +175,36 @@ def _head(now: Measured, before: Measured | None) -> Iterator[str]:
     yield f"# Figures, {now.profile} profile, {now.date}"
     yield ""
     yield f"{m.cores} cores of {m.processor}, {m.memory_gb} GB, {m.system}, Python {m.python}."
-    yield f"{len(now.results)} parts in {minutes:.0f} minutes; load before the parts {min(loads):.1f} to {max(loads):.1f}"
-    yield "(what the parts left behind counts; far above the number of cores, times of the clock say little)."
-    compared = "There is no page to compare with." if before is None else f"Compared with {before.date}"
+    yield (
+        f"{len(now.results)} parts in {minutes:.0f} minutes; load before the parts "
+        f"{min(loads):.1f} to {max(loads):.1f}"
+    )
+    yield (
+        "(what the parts left behind counts; far above the number of cores, times of the clock "
+        "say little)."
+    )
+    compared = (
+        "There is no page to compare with." if before is None else f"Compared with {before.date}"
+    )
     if before is not None:
         compared += (
             "."
             if before.machine == now.machine
             else " on another kind of machine: only figures without noise are compared."
         )
-    yield f"{compared} A time is worse if it is longer by more than a quarter, unless its line says another share."
+    yield (
+        f"{compared} A time is worse if it is longer by more than a quarter, unless its line "
+        "says another share."
+    )
 
 
 def _found(now: Measured, before: Measured | None, parts: Sequence[Part]) -> Iterator[str]:
     run = {each.part for each in now.results}
-    left = [each.name for each in parts if each.arguments(now.profile) is not None and each.name not in run]
+    left = [
+        each.name
+        for each in parts
+        if each.arguments(now.profile) is not None and each.name not in run
+    ]
     sections = {
         "Regressed": list(regressed(now, before, parts)),
         "Bars missed": missed(now, parts),
@@ -211,7 +254,12 @@ def _row(now: Measured, before: Measured | None, part: Part, figure: Figure) -> 
 def _end(now: Measured) -> Iterator[str]:
     yield from ("", "## Peers", "", "| peer | version |", "| --- | --- |")
     yield from (f"| {name} | {found} |" for name, found in now.peers.items())
-    yield from ("", "## Parts", "", "| part | minutes | minutes of the processor | load before | came out |")
+    yield from (
+        "",
+        "## Parts",
+        "",
+        "| part | minutes | minutes of the processor | load before | came out |",
+    )
     yield "| --- | --: | --: | --: | --- |"
     for each in now.results:
         came = (
@@ -219,6 +267,9 @@ def _end(now: Measured) -> Iterator[str]:
             if each.failed
             else {0: "all bars of its own met"}.get(each.code or 0, "misses a bar of its own")
         )
-        yield f"| {each.part} | {each.seconds / 60:.1f} | {each.processor_s / 60:.1f} | {each.load:.1f} | {came} |"
+        yield (
+            f"| {each.part} | {each.seconds / 60:.1f} | {each.processor_s / 60:.1f} | "
+            f"{each.load:.1f} | {came} |"
+        )
     for name, why in now.failed().items():
         yield from ("", f"### {name}", "", "```", *why.splitlines()[1:], "```")

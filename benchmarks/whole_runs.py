@@ -1,4 +1,6 @@
-"""Runs parts of the whole measurement one after another, and keeps the result of each as soon as it is there."""
+"""Runs parts of the whole measurement one after another, and keeps the result of each as soon
+as it is there.
+"""
 
 import json
 import os
@@ -20,7 +22,9 @@ JUDGED = (0, 1)  # exit codes of a benchmark that has measured: all bars met, or
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a part: its exit code, None if it was ended at its limit; its figures; why it failed, empty if it did not."""
+    """What came of a part: its exit code, None if it was ended at its limit; its figures; why
+    it failed, empty if it did not.
+    """
 
     part: str
     version: str
@@ -58,7 +62,9 @@ class Bench:
         return found if found.version == self.version else None
 
     def begin(self) -> None:
-        """Forget what is kept of other sources: neither their results nor what their parts have tried counts here."""
+        """Forget what is kept of other sources: neither their results nor what their parts have
+        tried counts here.
+        """
         folder = self.folder / self.profile
         note = folder / "version"
         if folder.is_dir() and (not note.is_file() or note.read_text("utf-8") != self.version):
@@ -78,9 +84,11 @@ class Bench:
 def run_all(
     bench: Bench, parts: Sequence[Part], minutes: float, tell: Callable[[str], None] = print
 ) -> list[Result]:
-    """The results of all parts of the profile, those that are kept first. Stops beginning parts when the minutes are over.
+    """The results of all parts of the profile, those that are kept first. Stops beginning parts
+    when the minutes are over.
 
-    Raises `KeyboardInterrupt` after the part that it interrupts has ended; what is finished stays kept.
+    Raises `KeyboardInterrupt` after the part that it interrupts has ended; what is finished stays
+    kept.
     """
     bench.begin()
     chosen = [part for part in parts if part.arguments(bench.profile) is not None]
@@ -97,12 +105,17 @@ def run_all(
         result = run(bench, part, min(left, part.limit_s(bench.profile) * busy()))
         bench.keep(result)
         found.append(result)
-        tell(f"    {result.seconds:.0f} s{': ' + result.failed.splitlines()[0] if result.failed else ''}")
+        tell(
+            f"    {result.seconds:.0f} "
+            f"s{': ' + result.failed.splitlines()[0] if result.failed else ''}"
+        )
     return found
 
 
 def busy() -> float:
-    """How many times longer a part may take because others work on this machine, too: 1 on an idle one."""
+    """How many times longer a part may take because others work on this machine, too: 1 on an
+    idle one.
+    """
     return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
@@ -120,14 +133,20 @@ def run(bench: Bench, part: Part, limit_s: float) -> Result:
     text = log.read_text("utf-8", errors="replace")
     output = Output(_content(kept), text)
     figures = {each.what: _read(each.read, output) for each in part.figures}
-    peers = {each.what: _read(each.peer[1], output) for each in part.figures if each.peer is not None}
+    peers = {
+        each.what: _read(each.peer[1], output) for each in part.figures if each.peer is not None
+    }
     seconds = time.monotonic() - began
-    failed = _failure(code, text, limit_s, part.figures and not any(v is not None for v in figures.values()))
+    failed = _failure(
+        code, text, limit_s, part.figures and not any(v is not None for v in figures.values())
+    )
     return Result(part.name, bench.version, code, seconds, spent, load, figures, peers, failed)
 
 
 def _words(arguments: Sequence[str], places: Mapping[str, str]) -> list[str]:
-    """The arguments with the places in them; one that asks for a place that is not there is left out."""
+    """The arguments with the places in them; one that asks for a place that is not there is
+    left out.
+    """
     return [
         each.format(**places)
         for each in arguments
@@ -135,13 +154,25 @@ def _words(arguments: Sequence[str], places: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _carried_out(words: Sequence[str], top: Path, log: Path, limit_s: float) -> tuple[int | None, float]:
-    """The exit code (None at the limit) and the seconds of the processor of a command and those that it starts."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(top), os.environ.get("PYTHONPATH", "")])}
+def _carried_out(
+    words: Sequence[str], top: Path, log: Path, limit_s: float
+) -> tuple[int | None, float]:
+    """The exit code (None at the limit) and the seconds of the processor of a command and those
+    that it starts.
+    """
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(top), os.environ.get("PYTHONPATH", "")]),
+    }
     before = os.times()
     with log.open("wb") as out:
         process = subprocess.Popen(
-            words, cwd=top, stdout=out, stderr=subprocess.STDOUT, env=environment, start_new_session=True
+            words,
+            cwd=top,
+            stdout=out,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            start_new_session=True,
         )
         try:
             code: int | None = process.wait(limit_s)
@@ -152,7 +183,10 @@ def _carried_out(words: Sequence[str], top: Path, log: Path, limit_s: float) -> 
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
     after = os.times()
-    return code, after.children_user + after.children_system - before.children_user - before.children_system
+    return (
+        code,
+        after.children_user + after.children_system - before.children_user - before.children_system,
+    )
 
 
 def _content(kept: Path) -> object:

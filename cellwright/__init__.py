@@ -1,4 +1,5 @@
-"""Cellwright as a library: one function for each thing that the command line does, and answers that show themselves.
+"""Cellwright as a library: one function for each thing that the command line does, and answers that
+show themselves.
 
     import cellwright
 
@@ -7,9 +8,11 @@
     answer.plan.steps        # values to compute with
     answer                   # in a notebook: its picture
 
-For bad input, functions raise `InvalidInput` with every error and its place. That there is no plan is an answer.
+For bad input, functions raise `InvalidInput` with every error and its place. That there is no plan
+is an answer.
 
-What this module exports is stable (docs/api.md); the modules below it are not. Nothing is imported before it is used.
+What this module exports is stable (docs/api.md); the modules below it are not. Nothing is imported
+before it is used.
 """
 
 from importlib import import_module

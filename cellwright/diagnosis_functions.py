@@ -28,7 +28,9 @@ Ask = Callable[[str, Sequence[str]], "str | None"]
 
 @dataclass(frozen=True, repr=False)
 class Diagnosed(Answer):
-    """The end of a case: what was tested, what can still be the cause, and how the work goes on, if that was asked for."""
+    """The end of a case: what was tested, what can still be the cause, and how the work goes
+    on, if that was asked for.
+    """
 
     diagnosis: "CaseDiagnosis"
     recovery: "RecoveryResult | None" = field(default=None, compare=False)
@@ -37,7 +39,9 @@ class Diagnosed(Answer):
     @property
     def status(self) -> str:
         """cured, isolated or open."""
-        return "cured" if self.diagnosis.cured else "isolated" if self.diagnosis.isolated else "open"
+        return (
+            "cured" if self.diagnosis.cured else "isolated" if self.diagnosis.isolated else "open"
+        )
 
     def data(self) -> Mapping[str, Any]:
         """The tests, the belief, what is certain, and the recovery."""
@@ -60,7 +64,9 @@ class Diagnosed(Answer):
 
         desk, made = self._open, self.diagnosis
         case = report.case_text(desk.model, made, desk.certainties(made), desk.revision(made))
-        return Group(case, *([recovery_report.recovery_text(self.recovery)] if self.recovery else []))
+        return Group(
+            case, *([recovery_report.recovery_text(self.recovery)] if self.recovery else [])
+        )
 
     @property
     def _open(self) -> "DiagnosisCase":
@@ -89,7 +95,11 @@ class DecisionTree(Answer):
         from cellwright.engine.formats.report.runs import diagnosis_report as report
 
         tree = report.tree_entry(self.problem, self.tree)
-        return {"expected cost": round(self.expected_cost, 6), "bound": round(self.bound, 6), "tree": tree}
+        return {
+            "expected cost": round(self.expected_cost, 6),
+            "bound": round(self.bound, 6),
+            "tree": tree,
+        }
 
     def svg(self) -> str | None:
         """The tree as a picture."""
@@ -113,7 +123,10 @@ def decision_tree(
     seconds: float | None = None,
     expansions: int | None = None,
 ) -> DecisionTree:
-    """The whole decision tree for an exception: at the least expected cost that is found. Raises `InvalidInput`, `TimeoutError`."""
+    """The whole decision tree for an exception: at the least expected cost that is found.
+
+    Raises `InvalidInput`, `TimeoutError`.
+    """
     from cellwright.engine.model.troubleshooting import expected_cost
 
     with limit_seconds(seconds) as over:
@@ -143,12 +156,15 @@ def diagnose(
     expansions: int | None = None,
     seed: int = 0,
 ) -> Diagnosed:
-    """Find the cause of an exception. Outcomes of tests come from one of three: `ask`, `outcomes` or `hidden`.
+    """Find the cause of an exception. Outcomes of tests come from one of three: `ask`, `outcomes`
+    or `hidden`.
 
-    `ask` is called with the name of a test and its possible outcomes, and returns one of them, or None to end. `outcomes`
-    lists them ("look_at_spot=dry, tool_self_test=passed"). `hidden` names the causes of a simulated fault. `plan` is the
-    file of the plan that failed at `step`, `done` its steps that are done, `holds` and `gone` what is seen against the model.
-    With `recover` the work is planned on. A `store` keeps the closed case and learns. Raises `InvalidInput`, `TimeoutError`.
+    `ask` is called with the name of a test and its possible outcomes, and returns one of them, or
+    None to end. `outcomes` lists them ("look_at_spot=dry, tool_self_test=passed"). `hidden` names
+    the causes of a simulated fault. `plan` is the file of the plan that failed at `step`, `done`
+    its steps that are done, `holds` and `gone` what is seen against the model. With `recover` the
+    work is planned on. A `store` keeps the closed case and learns. Raises `InvalidInput`,
+    `TimeoutError`.
     """
     from cellwright.engine.pipelines.recovery.case_input import FailedPlan, ObservedFacts
     from cellwright.engine.stages.diagnosis.case_session import run_session
@@ -156,7 +172,14 @@ def diagnose(
     failed = FailedPlan(Path(plan), step, done) if plan else None
     with limit_seconds(seconds) as over:
         desk = _open_case(
-            target, exception, step, objective, store, expansions, over, (failed, ObservedFacts(holds, gone))
+            target,
+            exception,
+            step,
+            objective,
+            store,
+            expansions,
+            over,
+            (failed, ObservedFacts(holds, gone)),
         )
         made = run_session(desk.session, _outcome_answerer(desk, ask, outcomes, hidden, seed))
         if store:
@@ -179,7 +202,9 @@ def _open_case(
 
     more = dict(zip(("failed", "seen"), seen, strict=True)) if seen else {}
     name = name_of(target)
-    return open_diagnosis_case(name, exception, step, objective, fspath(store), expansions, over, **more)
+    return open_diagnosis_case(
+        name, exception, step, objective, fspath(store), expansions, over, **more
+    )
 
 
 def _outcome_answerer(

@@ -22,14 +22,20 @@ FileKind = Literal[
 
 
 def read_pddl(domain: Name, problem: Name) -> "PddlProblem":
-    """A PDDL task; its `problem` is planned like any other. Raises `InvalidInput` for what is not supported, with its place."""
+    """A PDDL task; its `problem` is planned like any other.
+
+    Raises `InvalidInput` for what is not supported, with its place.
+    """
     from cellwright.engine.formats.interop import pddl
 
     return pddl.read_pddl_task(Path(domain), Path(problem))
 
 
 def read_pddl_plan(task: "PddlProblem", file: Name) -> Planned:
-    """A plan for a PDDL task, in the format of the planning competitions. `validate` checks it. Raises `InvalidInput`."""
+    """A plan for a PDDL task, in the format of the planning competitions.
+
+    `validate` checks it. Raises `InvalidInput`.
+    """
     from cellwright.engine.formats.interop.pddl.competition_plans import read_plan
     from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
     from cellwright.engine.model.outcome import Found
@@ -39,7 +45,10 @@ def read_pddl_plan(task: "PddlProblem", file: Name) -> Planned:
 
 
 def write_pddl_plan(task: "PddlProblem", plan: Planned) -> str:
-    """The plan for a PDDL task as text, in the format of the planning competitions. Raises `InvalidInput` without a plan."""
+    """The plan for a PDDL task as text, in the format of the planning competitions.
+
+    Raises `InvalidInput` without a plan.
+    """
     from cellwright.engine.formats.interop.pddl.competition_plans import write_plan
 
     return write_plan(task, plan_of(plan)[1])
@@ -48,14 +57,22 @@ def write_pddl_plan(task: "PddlProblem", plan: Planned) -> str:
 def export_pddl(
     target: Target, folder: Name, *, goals: str = "", command: str = "", ground: bool = False
 ) -> tuple[Path, Path]:
-    """Write a problem as domain.pddl and problem.pddl for any planner; the two files. Raises `InvalidInput`."""
+    """Write a problem as domain.pddl and problem.pddl for any planner; the two files.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.engine.formats.interop.pddl.export import export_problem, write_pddl_files
 
-    return write_pddl_files(export_problem(load(target, goals, command), lifted=not ground), Path(folder))
+    return write_pddl_files(
+        export_problem(load(target, goals, command), lifted=not ground), Path(folder)
+    )
 
 
 def export_behaviour_tree(plan: "Planned | str | PathLike[str]") -> str:
-    """A plan as a behaviour tree, in the XML of BehaviorTree.CPP 4. Raises `InvalidInput` for a plan that is not right."""
+    """A plan as a behaviour tree, in the XML of BehaviorTree.CPP 4.
+
+    Raises `InvalidInput` for a plan that is not right.
+    """
     from cellwright.engine.formats.interop import behaviour_trees
     from cellwright.engine.pipelines.planning.plan_files import check_plan
     from cellwright.kb.diagnostics import InvalidInput
@@ -75,7 +92,9 @@ def export_qif(target: Target) -> str:
 
 @dataclass(frozen=True)
 class Imported:
-    """A problem that was written: its file, how many points it has, and what was left out or doubtful."""
+    """A problem that was written: its file, how many points it has, and what was left out or
+    doubtful.
+    """
 
     file: Path
     points: int
@@ -90,9 +109,11 @@ def import_points(
     unit: Literal["mm", "cm", "m", "in"] = "mm",
     edge_distance: float | None = None,
 ) -> Imported:
-    """Write a problem with the points of a QIF document or a CSV table; `domain` chooses tools. Raises `InvalidInput`, `OSError`.
+    """Write a problem with the points of a QIF document or a CSV table; `domain` chooses tools.
+    Raises `InvalidInput`, `OSError`.
 
-    `unit` is that of a file that names none, and of `edge_distance`, by which points stay away from the edges of faces.
+    `unit` is that of a file that names none, and of `edge_distance`, by which points stay away from
+    the edges of faces.
     """
     from cellwright.engine.formats.interop.inspection_files import import_file, inspection_remarks
 
@@ -104,7 +125,9 @@ def import_points(
 
 
 def init(folder: Name, devices: Sequence[str] = ()) -> tuple[Path, ...]:
-    """Write a small domain into a new folder, put together from `devices` if some are named; its files. Raises `InvalidInput`."""
+    """Write a small domain into a new folder, put together from `devices` if some are named;
+    its files. Raises `InvalidInput`.
+    """
     from cellwright.engine.authoring.starter import create_domain, create_with
 
     return tuple(create_with(Path(folder), devices)[0] if devices else create_domain(Path(folder)))
@@ -125,7 +148,10 @@ def schema(kind: FileKind) -> Mapping[str, Any]:
 
 
 def compare_golden(target: Target) -> "tuple[GoldenComparison, ...]":
-    """Plan every problem of a domain again and compare the answers with the accepted ones. Raises `InvalidInput`."""
+    """Plan every problem of a domain again and compare the answers with the accepted ones.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.engine.authoring.testing.golden_files import compare_all
 
     return tuple(compare_all(name_of(target)))

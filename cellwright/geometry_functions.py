@@ -32,7 +32,8 @@ def cell(
     azimuth: float = -60.0,
     elevation: float = 28.0,
 ) -> "Told[CellView]":
-    """The cell of a target with its arms at rest, in configurations ("0, 90, 0, 0, 45, 0") or at a place; collisions are marked.
+    """The cell of a target with its arms at rest, in configurations ("0, 90, 0, 0, 45, 0") or at a
+    place; collisions are marked.
 
     The picture is seen from `azimuth` and `elevation` in degrees. Raises `InvalidInput`.
     """
@@ -73,17 +74,22 @@ def motion(
     budget: int = 1_000_000,
     seed: int = 0,
 ) -> "Told[ArmMotion]":
-    """A motion from `start` to one of `goals` that touches nothing, with its proof; ends are named as for `motion plan`.
+    """A motion from `start` to one of `goals` that touches nothing, with its proof; ends are named
+    as for `motion plan`.
 
-    `margin` is in metres, `upright` the tilt in degrees that what is in hand may have. Status: found, infeasible, gave up.
-    Raises `InvalidInput`.
+    `margin` is in metres, `upright` the tilt in degrees that what is in hand may have. Status:
+    found, infeasible, gave up. Raises `InvalidInput`.
     """
     from rich.text import Text
 
     from cellwright.engine.formats.report.cells import motion_pictures
     from cellwright.engine.formats.report.cells import motion_report as report
     from cellwright.engine.model.motion_values import Strategy
-    from cellwright.engine.pipelines.motion.arm_motion import MotionSite, MotionWish, plan_named_motion
+    from cellwright.engine.pipelines.motion.arm_motion import (
+        MotionSite,
+        MotionWish,
+        plan_named_motion,
+    )
 
     way: Strategies = Strategy(strategy)
     tilt = math.radians(upright)
@@ -95,10 +101,18 @@ def motion(
         return motion_pictures.motion_svg(each) if each.legs else None
 
     status = report.motion_status(moved_path.answer)
-    return Told(moved_path, status, report.motion_content, lambda each: Text(report.motion_text(each)), drawn)
+    return Told(
+        moved_path,
+        status,
+        report.motion_content,
+        lambda each: Text(report.motion_text(each)),
+        drawn,
+    )
 
 
-def travel(target: Target, *, tool: str = "", places: Sequence[str] = (), jobs: int = 1) -> "Told[Any]":
+def travel(
+    target: Target, *, tool: str = "", places: Sequence[str] = (), jobs: int = 1
+) -> "Told[Any]":
     """How long free motions between places of a cell take, in seconds. Raises `InvalidInput`."""
     from cellwright.engine.formats.report.cells import motion_tables as report
     from cellwright.engine.pipelines.jobs import crew_of
@@ -110,14 +124,16 @@ def travel(target: Target, *, tool: str = "", places: Sequence[str] = (), jobs: 
     name = name_of(target)
     unit_s = float(SECONDS_PER_UNIT[load(find_target(name)).domain.time_unit])
     travel_table = table_by(name, tool, tuple(places), crew_of(jobs), "", is_stop_wanted)
-    return Told(travel_table, "found", lambda each: report.travel_entry(each, unit_s), report.travel_table)
+    return Told(
+        travel_table, "found", lambda each: report.travel_entry(each, unit_s), report.travel_table
+    )
 
 
 def states(target: Target, *, full: bool = False, parts: Sequence[str] = ()) -> "Told[ContactNet]":
     """The contact states of a cell as a net of places and transitions, made from its contact model.
 
-    With `full` every object and anchor point counts by itself; `parts` keeps only these objects or classes. Status: ok, or
-    gave up if the net is not complete. Raises `InvalidInput`.
+    With `full` every object and anchor point counts by itself; `parts` keeps only these objects or
+    classes. Status: ok, or gave up if the net is not complete. Raises `InvalidInput`.
     """
     from cellwright.engine.formats.report.cells import net_report as report
     from cellwright.engine.formats.report.drawing import net_svg
@@ -126,13 +142,16 @@ def states(target: Target, *, full: bool = False, parts: Sequence[str] = ()) -> 
     model, warnings = contact_states.contact_model_of(name_of(target))
     contact_net = contact_states.build_net(model, contact_states.NetRequest(tuple(parts), full))
     status = "ok" if contact_net.complete else "gave up"
-    return Told(contact_net, status, report.net_content, report.net_text, net_svg.draw_net, warnings)
+    return Told(
+        contact_net, status, report.net_content, report.net_text, net_svg.draw_net, warnings
+    )
 
 
 def place(
     part: str, base: str, *, scene: Name, image: "str | PathLike[str] | None" = None, seed: int = 0
 ) -> "Told[PlaceAnswer]":
-    """Find a part in a depth image, grasp it and put it on another one, as the relations of a scene say; all motions are planned.
+    """Find a part in a depth image, grasp it and put it on another one, as the relations of a scene
+    say; all motions are planned.
 
     Without an image one is made from the scene. Raises `InvalidInput`.
     """
@@ -154,7 +173,10 @@ def place(
 def assemble(
     base: str, *, scene: Name, image: "str | PathLike[str] | None" = None, seed: int = 0
 ) -> "Told[AssemblyMade]":
-    """Put all parts of a scene where its relations say, in an order that is planned and proved. Raises `InvalidInput`."""
+    """Put all parts of a scene where its relations say, in an order that is planned and proved.
+
+    Raises `InvalidInput`.
+    """
     from rich.text import Text
 
     from cellwright.engine.formats.report.cells import assembly_report as report
@@ -171,7 +193,9 @@ def assemble(
     )
 
 
-def _scene_and_depths(scene: Name, image: "str | PathLike[str] | None") -> "tuple[Scene, Floats | None]":
+def _scene_and_depths(
+    scene: Name, image: "str | PathLike[str] | None"
+) -> "tuple[Scene, Floats | None]":
     from cellwright.engine.formats.interop.depth_files import read_depth
     from cellwright.engine.pipelines.manipulation import scene_camera
     from cellwright.kb.loader.scene_file import load_scene
@@ -185,18 +209,28 @@ Shape = Literal["plane", "sphere", "cylinder", "cone", "circle"]
 
 
 def measurements(target: Target) -> "Told[ToolPartition]":
-    """The measurements of a problem: by tool, those that are done, and those that are impossible, each with its reason."""
-    from cellwright.engine.formats.report.measurements.tool_groups import tool_groups_entry, tool_groups_text
+    """The measurements of a problem: by tool, those that are done, and those that are
+    impossible, each with its reason.
+    """
+    from cellwright.engine.formats.report.measurements.tool_groups import (
+        tool_groups_entry,
+        tool_groups_text,
+    )
     from cellwright.engine.pipelines.inspection.arm_capabilities import partition_for_arms
     from cellwright.engine.pipelines.inspection.measurement_points import with_places
 
-    return Told(partition_for_arms(with_places(load(target))), "ok", tool_groups_entry, tool_groups_text)
+    return Told(
+        partition_for_arms(with_places(load(target))), "ok", tool_groups_entry, tool_groups_text
+    )
 
 
 def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05, unit: str = "m") -> "Told[Fitting]":
-    """A shape through measured points (a .csv with x, y, z, .npy, .pcd or .ply), and how sure its sizes are.
+    """A shape through measured points (a .csv with x, y, z, .npy, .pcd or .ply), and how sure its
+    sizes are.
 
-    The points count `unit`s: m, cm, mm or in; whole numbers in a .npy are millimetres. `noise_mm` is the standard deviation of a point. Status: ok, or refused with the reason. Raises `InvalidInput`.
+    The points count `unit`s: m, cm, mm or in; whole numbers in a .npy are millimetres. `noise_mm`
+    is the standard deviation of a point. Status: ok, or refused with the reason. Raises
+    `InvalidInput`.
     """
     import numpy as np
 
@@ -208,7 +242,9 @@ def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05, unit: str = "m") 
     from cellwright.engine.stages.fitting.shape_fit import fit_measured_shape
 
     cloud = read_cloud(Path(points), unit_m(unit))
-    fitted_shape = fit_measured_shape(Shapes(shape), Cloud(cloud, np.full(len(cloud), noise_mm * 1e-3)))
+    fitted_shape = fit_measured_shape(
+        Shapes(shape), Cloud(cloud, np.full(len(cloud), noise_mm * 1e-3))
+    )
     status = "ok" if isinstance(fitted_shape, Fit) else "refused"
     return Told(
         fitted_shape,
@@ -221,7 +257,8 @@ def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05, unit: str = "m") 
 def align(
     target: Target, results: Name, *, noise_mm: float = 0.05, within_mm: float | None = None
 ) -> "Told[Aligning]":
-    """Where the part of a problem lies, by the profiles in a file of results (.csv, .json, .qif), and which of them are wrong.
+    """Where the part of a problem lies, by the profiles in a file of results (.csv, .json, .qif),
+    and which of them are wrong.
 
     An alignment that leaves a point less sure than `within_mm` is refused. Raises `InvalidInput`.
     """
@@ -243,7 +280,10 @@ def align(
         return fit_report.alignment_entry(each, datums.names, places)
 
     return Told(
-        alignment, status, content, lambda each: fit_report.alignment_text(each, datums.names, places, "")
+        alignment,
+        status,
+        content,
+        lambda each: fit_report.alignment_text(each, datums.names, places, ""),
     )
 
 
@@ -255,9 +295,11 @@ def image(
     expected_mm: float = 1.0,
     seed: int = 0,
 ) -> "Told[MeasuredSurface | Vague]":
-    """The range image that a measurement is taken from, and what is measured in its patch; without a `given` file it is made from the cell.
+    """The range image that a measurement is taken from, and what is measured in its patch; without
+    a `given` file it is made from the cell.
 
-    `expected_mm` is the standard deviation of the place of the part. Status: found, or refused. Raises `InvalidInput`.
+    `expected_mm` is the standard deviation of the place of the part. Status: found, or refused.
+    Raises `InvalidInput`.
     """
     from rich.text import Text
 
@@ -274,7 +316,9 @@ def image(
     seeing = ImageRequest(expected_mm * 1e-3, seed, read=read)
     surface = measured_surface(problem, where, geometry_backend(), measurement, seeing)
     if isinstance(surface, Vague):
-        return Told(surface, "refused", lambda _: {"reason": surface.reason}, lambda _: Text(surface.reason))
+        return Told(
+            surface, "refused", lambda _: {"reason": surface.reason}, lambda _: Text(surface.reason)
+        )
     return Told(
         surface,
         "found" if surface.sure else "refused",
@@ -284,9 +328,16 @@ def image(
 
 
 def recognise(
-    scene: Name, *, parts: Sequence[str] = (), image: "str | PathLike[str] | None" = None, seed: int = 0
+    scene: Name,
+    *,
+    parts: Sequence[str] = (),
+    image: "str | PathLike[str] | None" = None,
+    seed: int = 0,
 ) -> "Told[Seen]":
-    """Which parts of a scene an image shows, and where they are. Without an image one is made. Raises `InvalidInput`."""
+    """Which parts of a scene an image shows, and where they are.
+
+    Without an image one is made. Raises `InvalidInput`.
+    """
     from cellwright.engine.formats.interop.depth_files import read_depth
     from cellwright.engine.formats.report.measurements import range_image_report
     from cellwright.engine.pipelines.manipulation import scene_camera

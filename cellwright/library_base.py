@@ -1,7 +1,7 @@
 """What all functions of the library share: targets, deadlines, and answers that show themselves.
 
-The values of `cellwright.kb.model` and `cellwright.engine.model` know no pictures. An answer holds such values and asks the reports to draw them,
-when somebody looks.
+The values of `cellwright.kb.model` and `cellwright.engine.model` know no pictures. An answer holds
+such values and asks the reports to draw them, when somebody looks.
 """
 
 import time
@@ -26,16 +26,23 @@ WIDTH = 100  # columns of a text
 
 
 class Answer(ABC):
-    """An answer of Cellwright. `print(answer)` shows it as the command line does; notebooks show its picture, if it has one."""
+    """An answer of Cellwright.
+
+    `print(answer)` shows it as the command line does; notebooks show its picture, if it has one.
+    """
 
     @property
     @abstractmethod
     def status(self) -> str:
-        """One word for what came of it, as in the JSON of the command line: found, optimal, infeasible, ok and others."""
+        """One word for what came of it, as in the JSON of the command line: found, optimal,
+        infeasible, ok and others.
+        """
 
     @abstractmethod
     def data(self) -> Mapping[str, Any]:
-        """What the command line writes as `data` of its JSON: texts, numbers, lists and mappings."""
+        """What the command line writes as `data` of its JSON: texts, numbers, lists and
+        mappings.
+        """
 
     @abstractmethod
     def _renderable(self) -> "RenderableType":
@@ -74,11 +81,18 @@ class Answer(ABC):
         return self.svg()
 
     def _repr_html_(self) -> str:
-        """The picture, if there is one, and the text. The picture stands by itself, so that nothing in it acts on the page."""
+        """The picture, if there is one, and the text.
+
+        The picture stands by itself, so that nothing in it acts on the page.
+        """
         drawn = self.svg()
         encoded = b64encode(drawn.encode("utf-8")).decode("ascii") if drawn else ""
         source = f"data:image/svg+xml;base64,{encoded}"
-        picture = f'<img alt="{escape(repr(self))}" style="max-width: 100%" src="{source}"/>' if drawn else ""
+        picture = (
+            f'<img alt="{escape(repr(self))}" style="max-width: 100%" src="{source}"/>'
+            if drawn
+            else ""
+        )
         return f'<div>{picture}<pre style="line-height: 1.2">{escape(str(self))}</pre></div>'
 
 
@@ -126,9 +140,11 @@ Target: TypeAlias = Union[str, "PathLike[str]", "Problem"]
 
 
 def load(target: Target, goals: str = "", command: str = "") -> "Problem":
-    """The problem that `target` names: a file, a folder with a domain, or a bundled name such as "bulkhead/one_point".
+    """The problem that `target` names: a file, a folder with a domain, or a bundled name such as
+    "bulkhead/one_point".
 
-    `goals`, written as in a problem file, or a `command` in the words of the domain replace its own. Raises `InvalidInput`.
+    `goals`, written as in a problem file, or a `command` in the words of the domain replace its
+    own. Raises `InvalidInput`.
     """
     from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
     from cellwright.kb.model.planning_problem import Problem
@@ -144,14 +160,18 @@ def load(target: Target, goals: str = "", command: str = "") -> "Problem":
 
 
 def name_of(target: Target) -> str:
-    """The name by which what lies beside a problem is found: its cell, fault base and contact model."""
+    """The name by which what lies beside a problem is found: its cell, fault base and contact
+    model.
+    """
     from cellwright.kb.model.planning_problem import Problem
 
     return target.path if isinstance(target, Problem) else fspath(target)
 
 
 class Deadline:
-    """Asked whether the time is over: by searches now and then, and by code that runs where no limit is passed in."""
+    """Asked whether the time is over: by searches now and then, and by code that runs where no
+    limit is passed in.
+    """
 
     def __init__(self, seconds: float | None) -> None:
         self.ends = None if seconds is None else time.monotonic() + seconds
@@ -162,7 +182,10 @@ class Deadline:
         return self.told
 
     def while_grounding(self) -> bool:
-        """Whether a grounding must stop. After a search was stopped it may go on: the answer found so far is still to be checked."""
+        """Whether a grounding must stop.
+
+        After a search was stopped it may go on: the answer found so far is still to be checked.
+        """
         return not self.told and self._is_over()
 
     def _is_over(self) -> bool:
@@ -171,10 +194,15 @@ class Deadline:
 
 @contextmanager
 def limit_seconds(seconds: float | None) -> Iterator[Deadline]:
-    """A context that stops the work in it after some seconds. Raises `TimeoutError` if there is no answer by then."""
+    """A context that stops the work in it after some seconds.
+
+    Raises `TimeoutError` if there is no answer by then.
+    """
     deadline = Deadline(seconds)
     try:
         with stopping.asking_to_stop(deadline.while_grounding):
             yield deadline
     except stopping.StoppedByCaller:
-        raise TimeoutError(f"no answer within {seconds} s: give more seconds, or ask for less") from None
+        raise TimeoutError(
+            f"no answer within {seconds} s: give more seconds, or ask for less"
+        ) from None

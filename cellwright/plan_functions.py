@@ -41,7 +41,9 @@ class Planned(Answer):
 
     @property
     def outcome(self) -> "Outcome":
-        """`Found` with a checked plan, `Infeasible` if it is proved that there is none, or `GaveUp`, each with a reason."""
+        """`Found` with a checked plan, `Infeasible` if it is proved that there is none, or
+        `GaveUp`, each with a reason.
+        """
         return self.made.run.outcome
 
     @property
@@ -116,13 +118,17 @@ def plan(
 ) -> Planned:
     """Plan for a target, in words or goals. The checker has accepted every plan that is returned.
 
-    `objective` is what the plan shall have least of; without it the makespan where steps take time, else the cost. `order`
-    says who orders measurements. With `anytime` the plan is improved until `seconds` are over, with `motion` every step has
-    a path that touches nothing. `store` is a library of MACROPs, read and taught. Raises `InvalidInput`, `TimeoutError`.
+    `objective` is what the plan shall have least of; without it the makespan where steps take time,
+    else the cost. `order` says who orders measurements. With `anytime` the plan is improved until
+    `seconds` are over, with `motion` every step has a path that touches nothing. `store` is a
+    library of MACROPs, read and taught. Raises `InvalidInput`, `TimeoutError`.
     """
     from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
     from cellwright.engine.pipelines.planning.library_plans import plan_with_library
-    from cellwright.engine.pipelines.planning.plan_objective import PlanningObjective, SequenceChoice
+    from cellwright.engine.pipelines.planning.plan_objective import (
+        PlanningObjective,
+        SequenceChoice,
+    )
 
     library = fspath(store)
     with limit_seconds(seconds) as over:
@@ -137,10 +143,16 @@ def plan(
             )
 
             moving = plan_motions_of(
-                name_of(target), problem, lambda each: planned_alone(each, limits, wish, who), seed, library
+                name_of(target),
+                problem,
+                lambda each: planned_alone(each, limits, wish, who),
+                seed,
+                library,
             )
             return Planned(PlanAnswer(moving.run, moving.problem, moving=moving), library)
-        run, origin = plan_with_library(problem, limits, wish, who, library, folded=False, stays=True)
+        run, origin = plan_with_library(
+            problem, limits, wish, who, library, folded=False, stays=True
+        )
     return Planned(PlanAnswer(run, problem, origin), library)
 
 
@@ -151,11 +163,17 @@ def _planning_limits(
     from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 
     if strategy not in (*STRATEGIES, RACE):
-        raise InvalidInput([unknown_name("strategy", strategy, {*STRATEGIES, RACE}, Source("strategy"))])
-    return SearchLimits(expansions, interrupted=over, thorough=thorough, strategy=strategy, seed=seed)
+        raise InvalidInput(
+            [unknown_name("strategy", strategy, {*STRATEGIES, RACE}, Source("strategy"))]
+        )
+    return SearchLimits(
+        expansions, interrupted=over, thorough=thorough, strategy=strategy, seed=seed
+    )
 
 
-def plan_motions_of(target: str, problem: "Problem", planned: Any, seed: int, store: str) -> "MovingRun":
+def plan_motions_of(
+    target: str, problem: "Problem", planned: Any, seed: int, store: str
+) -> "MovingRun":
     """The plan in which every step moves; `planned` makes the `Run` of a problem."""
     from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
     from cellwright.engine.plugins import geometry_backend
@@ -168,11 +186,16 @@ def plan_motions_of(target: str, problem: "Problem", planned: Any, seed: int, st
             raise StoppedByCaller
         return run
 
-    return plan_with_poses(problem, cell_of(target), geometry_backend(), in_time, seed, store).moving
+    return plan_with_poses(
+        problem, cell_of(target), geometry_backend(), in_time, seed, store
+    ).moving
 
 
 def plan_of(source: "Planned | str | PathLike[str]") -> "tuple[Problem, Plan, Claims | None, str]":
-    """The problem and the plan of an answer or a plan file, and what the file claims. Raises `InvalidInput`."""
+    """The problem and the plan of an answer or a plan file, and what the file claims.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.kb.diagnostics import Diagnostic, InvalidInput
     from cellwright.kb.diagnostics import Source as Where
 
@@ -182,7 +205,11 @@ def plan_of(source: "Planned | str | PathLike[str]") -> "tuple[Problem, Plan, Cl
         return *claimed_in(Path(source)), fspath(source)
     if source.plan is None:
         raise InvalidInput(
-            [Diagnostic(Where(source.problem.name), "K404", "there is no plan", source.outcome.reason)]  # type: ignore[union-attr]
+            [
+                Diagnostic(
+                    Where(source.problem.name), "K404", "there is no plan", source.outcome.reason
+                )
+            ]  # type: ignore[union-attr]
         )
     from cellwright.kb.model.plan_model import Claims
 
@@ -224,7 +251,8 @@ class Verdict(Answer):
 
 
 def validate(plan: "Planned | str | PathLike[str]", problem: Target | None = None) -> Verdict:
-    """Check a plan, or a plan file, with the independent checker: against its own problem or another one.
+    """Check a plan, or a plan file, with the independent checker: against its own problem or
+    another one.
 
     Raises `InvalidInput` for a file that is no plan.
     """
@@ -268,7 +296,11 @@ class Revised(Answer):
         from cellwright.engine.model.outcome import Found
 
         outcome = self.outcome
-        return plan_svg.draw_plan(outcome.plan, self.revision.problem) if isinstance(outcome, Found) else None
+        return (
+            plan_svg.draw_plan(outcome.plan, self.revision.problem)
+            if isinstance(outcome, Found)
+            else None
+        )
 
     def _renderable(self) -> "RenderableType":
         from cellwright.engine.formats.report.runs.recovery_report import revision_text
@@ -288,9 +320,11 @@ def revise(
     expansions: int = 1_000_000,
     seed: int = 0,
 ) -> Revised:
-    """Repair a plan for what was observed, or replan, whichever is cheaper; with `both`, always try both.
+    """Repair a plan for what was observed, or replan, whichever is cheaper; with `both`, always try
+    both.
 
-    `done` are steps ("1..4, 7"), `holds` and `gone` facts, `lost` tools and resources. Raises `InvalidInput`, `TimeoutError`.
+    `done` are steps ("1..4, 7"), `holds` and `gone` facts, `lost` tools and resources. Raises
+    `InvalidInput`, `TimeoutError`.
     """
     from cellwright.engine.pipelines.recovery.observations import revised_now
     from cellwright.engine.pipelines.recovery.replanning import plan_in_sequence
@@ -300,7 +334,9 @@ def revise(
         problem, old_plan, _, _ = plan_of(plan)
         limits = SearchLimits(expansions, interrupted=over, seed=seed)
         return Revised(
-            *revised_now(problem, old_plan, (done, holds, gone, lost), limits, both, plan_in_sequence)
+            *revised_now(
+                problem, old_plan, (done, holds, gone, lost), limits, both, plan_in_sequence
+            )
         )
 
 
@@ -335,14 +371,19 @@ def explain(
     seconds: float | None = None,
     expansions: int = 1_000_000,
 ) -> Explained:
-    """Explain why there is no plan. Each change that is offered is proved by a plan. Raises `InvalidInput`, `TimeoutError`."""
+    """Explain why there is no plan.
+
+    Each change that is offered is proved by a plan. Raises `InvalidInput`, `TimeoutError`.
+    """
     from cellwright.engine.pipelines import explanation
     from cellwright.engine.stages.planning import SearchLimits
 
     with limit_seconds(seconds) as over:
         problem = load(target, goals, command)
         return Explained(
-            explanation.explain_infeasibility(problem, SearchLimits(expansions=expansions, interrupted=over))
+            explanation.explain_infeasibility(
+                problem, SearchLimits(expansions=expansions, interrupted=over)
+            )
         )
 
 
@@ -370,7 +411,10 @@ class Reason(Answer):
 
 
 def why(plan: "Planned | str | PathLike[str]", step: int) -> Reason:
-    """Explain a step of a plan by its number: what it serves, up to the goals. Raises `InvalidInput`."""
+    """Explain a step of a plan by its number: what it serves, up to the goals.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.engine.pipelines.explanation import step_purposes
     from cellwright.engine.stages.grounding import ground
 
@@ -408,15 +452,26 @@ class Checked(Answer):
         from rich.console import Group
         from rich.text import Text
 
-        from cellwright.engine.formats.report.diagnostic_messages import diagnostics_summary, diagnostics_text
+        from cellwright.engine.formats.report.diagnostic_messages import (
+            diagnostics_summary,
+            diagnostics_text,
+        )
 
         found_diagnostics = self.report.diagnostics
-        summary_text = Text(f"{diagnostics_summary(found_diagnostics)} in {len(self.report.checked)} files")
-        return Group(diagnostics_text(found_diagnostics), summary_text) if found_diagnostics else summary_text
+        summary_text = Text(
+            f"{diagnostics_summary(found_diagnostics)} in {len(self.report.checked)} files"
+        )
+        return (
+            Group(diagnostics_text(found_diagnostics), summary_text)
+            if found_diagnostics
+            else summary_text
+        )
 
 
 def check(target: Target, *, reach: bool = True) -> Checked:
-    """Look for errors in a domain, its problems, cell, fault base and contact model; with `reach`, for places out of reach."""
+    """Look for errors in a domain, its problems, cell, fault base and contact model; with
+    `reach`, for places out of reach.
+    """
     from cellwright.engine.authoring import domain_check
 
     return Checked(domain_check.check_domain_files(name_of(target), reach))

@@ -21,7 +21,17 @@ if TYPE_CHECKING:
 
 Watch = Callable[["JournalRecord"], None]
 OrderName = Literal[
-    "stop", "interrupt", "continue", "approve", "abort", "skip", "retry", "back", "correct", "answer", "add"
+    "stop",
+    "interrupt",
+    "continue",
+    "approve",
+    "abort",
+    "skip",
+    "retry",
+    "back",
+    "correct",
+    "answer",
+    "add",
 ]
 
 
@@ -34,14 +44,18 @@ class Ran(Answer):
 
     @property
     def finish(self) -> "Finish | None":
-        """The end of the run: its name, goals, what was given up, times, and the story of each exception. None without a plan."""
+        """The end of the run: its name, goals, what was given up, times, and the story of each
+        exception. None without a plan.
+        """
         from cellwright.engine.model.run_protocol import Finish
 
         return self.ending if isinstance(self.ending, Finish) else None
 
     @property
     def run(self) -> str:
-        """The name of the run, by which it is resumed, told and looked up; empty if it did not begin."""
+        """The name of the run, by which it is resumed, told and looked up; empty if it did not
+        begin.
+        """
         return self.finish.run if self.finish else ""
 
     @property
@@ -90,11 +104,13 @@ def run(
     expansions: int = 1_000_000,
     seed: int = 0,
 ) -> Ran:
-    """Plan, carry the plan out, diagnose and repair what goes wrong, and go on until the goals are reached.
+    """Plan, carry the plan out, diagnose and repair what goes wrong, and go on until the goals are
+    reached.
 
-    `faults` are simulated ("pick#3=not_gripped"). `store` keeps the journal; without it, the user's own journal does.
-    `factor` is the share of real time that simulated time takes. `watch` is called with each record when it is on the disk.
-    Other processes and threads tell the run what to do (`tell`). Raises `InvalidInput`.
+    `faults` are simulated ("pick#3=not_gripped"). `store` keeps the journal; without it, the user's
+    own journal does. `factor` is the share of real time that simulated time takes. `watch` is
+    called with each record when it is on the disk. Other processes and threads tell the run what to
+    do (`tell`). Raises `InvalidInput`.
     """
     from cellwright.engine.pipelines.execution import RunRequest, list_run
     from cellwright.engine.stages.planning import SearchLimits
@@ -104,11 +120,17 @@ def run(
     given = dict(options or {}) | ({"fault": "; ".join(faults)} if faults else {})
     wanted = RunRequest(fspath(target), goals, command, driver, where, name, seed, factor, given)
     with list_run(wanted, problem) as entered:
-        return Ran(_begin_run(entered, problem, motion, watch, SearchLimits(expansions, seed=seed)), where)
+        return Ran(
+            _begin_run(entered, problem, motion, watch, SearchLimits(expansions, seed=seed)), where
+        )
 
 
 def _begin_run(
-    wanted: "RunRequest", problem: "Problem", motion: bool, watch: Watch | None, limits: "SearchLimits"
+    wanted: "RunRequest",
+    problem: "Problem",
+    motion: bool,
+    watch: Watch | None,
+    limits: "SearchLimits",
 ) -> "Finish | Outcome":
     from cellwright.engine.pipelines.execution import RunScope, begin_run
     from cellwright.engine.pipelines.execution.run_socket import OrderChannel
@@ -118,7 +140,11 @@ def _begin_run(
         from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
 
         moving = plan_motions_of(
-            wanted.target, problem, lambda each: plan_for_objective(each, limits), wanted.seed, wanted.store
+            wanted.target,
+            problem,
+            lambda each: plan_for_objective(each, limits),
+            wanted.seed,
+            wanted.store,
         )
         table, scope = moving.run.timetable, RunScope(moving.problem, moving.given_up)
         problem = replace(moving.problem, goal=problem.goal, chains=problem.chains)
@@ -130,9 +156,17 @@ def _begin_run(
 
 
 def resume(
-    run: str, *, store: Name = "", watch: Watch | None = None, expansions: int = 1_000_000, seed: int = 0
+    run: str,
+    *,
+    store: Name = "",
+    watch: Watch | None = None,
+    expansions: int = 1_000_000,
+    seed: int = 0,
 ) -> Ran:
-    """Go on with a run after a stop, a pause or a crash; no command is carried out twice. Raises `InvalidInput`."""
+    """Go on with a run after a stop, a pause or a crash; no command is carried out twice.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.engine.pipelines import execution
     from cellwright.engine.pipelines.execution.run_socket import OrderChannel
     from cellwright.engine.stages.planning import SearchLimits
@@ -142,15 +176,18 @@ def resume(
     with OrderChannel(run, where) as channel:
         watchers = [channel.watch, *([watch] if watch else [])]
         return Ran(
-            execution.resume_run(where, run, channel, watchers, SearchLimits(expansions, seed=seed)), where
+            execution.resume_run(
+                where, run, channel, watchers, SearchLimits(expansions, seed=seed)
+            ),
+            where,
         )
 
 
 def tell(run: str, order: OrderName, text: str = "", *, store: Name = "") -> Mapping[str, Any]:
     """Give an order to a run that goes on in another process or thread; returns how it stands.
 
-    `text` is the step of skip and back, the facts of correct, the answer of answer and the command of add. Raises
-    `InvalidInput` if nobody carries the run out, or if it refuses the order.
+    `text` is the step of skip and back, the facts of correct, the answer of answer and the command
+    of add. Raises `InvalidInput` if nobody carries the run out, or if it refuses the order.
     """
     from cellwright.engine.pipelines.execution import run_socket
     from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -170,7 +207,10 @@ def runs(*, store: Name = "") -> "tuple[Begun, ...]":
 
 
 def results(run: str, *, store: Name = "") -> "Told[Measured]":
-    """What a run has measured, with verdicts, and the history of each object. Raises `InvalidInput` for an unknown run."""
+    """What a run has measured, with verdicts, and the history of each object.
+
+    Raises `InvalidInput` for an unknown run.
+    """
     from rich.console import Group
 
     from cellwright.engine.formats.interop.results.json_and_csv import results_entry

@@ -43,7 +43,9 @@ class Scheduled(Answer):
 
     @property
     def starts(self) -> "Mapping[StepId, int]":
-        """When each step of the plan starts, in the unit of time of the domain; empty for a shop, and without a schedule."""
+        """When each step of the plan starts, in the unit of time of the domain; empty for a
+        shop, and without a schedule.
+        """
         table = self.timed.timetable if self.timed else None
         return table.starts if table else {}
 
@@ -92,10 +94,11 @@ def schedule(
     expansions: int = 1_000_000,
     seed: int = 0,
 ) -> Scheduled:
-    """Schedule a plan, the best plan for a problem, a plan file, a folder of S-LAB tables or a job-shop file.
+    """Schedule a plan, the best plan for a problem, a plan file, a folder of S-LAB tables or a
+    job-shop file.
 
-    `instance` chooses one of a file of several job shops. `work` is about seconds of one core; the same work of one worker
-    gives the same answer. Raises `InvalidInput`, `TimeoutError`.
+    `instance` chooses one of a file of several job shops. `work` is about seconds of one core; the
+    same work of one worker gives the same answer. Raises `InvalidInput`, `TimeoutError`.
     """
     from cellwright.engine.formats.interop.shop_files import shop_of
     from cellwright.engine.stages.planning import SearchLimits
@@ -126,7 +129,10 @@ def _of_shop(shop: "Shop", limits: "ScheduleLimits") -> Scheduled:
 
 
 def _timetable_of(
-    target: "Planned | Target", wanted: tuple[str, str], planning: "SearchLimits", limits: "ScheduleLimits"
+    target: "Planned | Target",
+    wanted: tuple[str, str],
+    planning: "SearchLimits",
+    limits: "ScheduleLimits",
 ) -> "tuple[Problem, Timetable | Infeasible | GaveUp]":
     from cellwright.engine.pipelines.planning import plan_objective, timetable
 
@@ -187,7 +193,11 @@ class Toured(Answer):
         from cellwright.engine.model.tour_problem import Tour
 
         tour = self.found
-        return visits_tour_content(tour, self.visits) if isinstance(tour, Tour) else {"reason": tour.reason}
+        return (
+            visits_tour_content(tour, self.visits)
+            if isinstance(tour, Tour)
+            else {"reason": tour.reason}
+        )
 
     def svg(self) -> str | None:
         """The tour on the points; None if they have no positions."""
@@ -200,7 +210,11 @@ class Toured(Answer):
         from cellwright.engine.model.tour_problem import Tour
 
         tour = self.found
-        return visits_tour_text(tour, self.visits) if isinstance(tour, Tour) else f"No tour: {tour.reason}."
+        return (
+            visits_tour_text(tour, self.visits)
+            if isinstance(tour, Tour)
+            else f"No tour: {tour.reason}."
+        )
 
 
 def sequence(
@@ -217,20 +231,28 @@ def sequence(
     work: int = 0,
     seed: int = 0,
 ) -> Toured:
-    """Order the measurements of a problem, or the visits of a TSPLIB file, at the least cost that is found.
+    """Order the measurements of a problem, or the visits of a TSPLIB file, at the least cost that
+    is found.
 
-    `windows` say when visits may begin ("m3=10..90"), `lasts` how long they take ("m3=4"), `before` which order some keep
-    ("m1, m2"). `work` 0 fits the number of visits. Raises `InvalidInput`, `TimeoutError`.
+    `windows` say when visits may begin ("m3=10..90"), `lasts` how long they take ("m3=4"), `before`
+    which order some keep ("m1, m2"). `work` 0 fits the number of visits. Raises `InvalidInput`,
+    `TimeoutError`.
     """
     from cellwright.engine.formats.interop.visit_files import visits_of_target
     from cellwright.engine.stages import sequencing
     from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 
     if method not in sequencing.METHODS:
-        raise InvalidInput([unknown_name("method", method, set(sequencing.METHODS), Source("method"))])
+        raise InvalidInput(
+            [unknown_name("method", method, set(sequencing.METHODS), Source("method"))]
+        )
     with limit_seconds(seconds) as over:
-        visit_problem = visits_of_target(fspath(target), windows, lasts, before).ending(closed, start, end)
+        visit_problem = visits_of_target(fspath(target), windows, lasts, before).ending(
+            closed, start, end
+        )
         return Toured(
             visit_problem,
-            sequencing.sequence_tour(visit_problem.tours, sequencing.TourLimits(work, seed, over), method),
+            sequencing.sequence_tour(
+                visit_problem.tours, sequencing.TourLimits(work, seed, over), method
+            ),
         )

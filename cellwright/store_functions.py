@@ -26,9 +26,11 @@ def prepare(
     expansions: int = 1_000_000,
     seed: int = 0,
 ) -> "Told[Preparation]":
-    """Plan all problems of a domain or folder, and keep plans, sequences and poses. Status: ok, or incomplete.
+    """Plan all problems of a domain or folder, and keep plans, sequences and poses. Status: ok, or
+    incomplete.
 
-    `jobs` are processes (0: one for each processor), `cluster` the address of a Dask scheduler. Raises `InvalidInput`.
+    `jobs` are processes (0: one for each processor), `cluster` the address of a Dask scheduler.
+    Raises `InvalidInput`.
     """
     from cellwright.engine.formats.report.plans import library_report
     from cellwright.engine.pipelines.jobs import crew_of
@@ -36,14 +38,19 @@ def prepare(
     from cellwright.engine.pipelines.precompute.preparation_results import problems_of
     from cellwright.engine.stages.planning import SearchLimits
 
-    crew, paths = crew_of(jobs or len(os.sched_getaffinity(0)), cluster), problems_of(fspath(target))
+    crew, paths = (
+        crew_of(jobs or len(os.sched_getaffinity(0)), cluster),
+        problems_of(fspath(target)),
+    )
     with limit_seconds(seconds) as over:
         limits = SearchLimits(expansions, interrupted=over, seed=seed)
         preparation = prepare_all(paths, fspath(store), limits, crew)
     whole = len(preparation.problems) == len(paths) and all(
         problem.status in ("found", "infeasible") for problem in preparation.problems
     )
-    diagnostics = tuple(dict.fromkeys(d for problem in preparation.problems for d in problem.diagnostics))
+    diagnostics = tuple(
+        dict.fromkeys(d for problem in preparation.problems for d in problem.diagnostics)
+    )
     return Told(
         preparation,
         "ok" if whole else "incomplete",
@@ -65,7 +72,8 @@ def keep_sequence(
     work: int = 0,
     seed: int = 0,
 ) -> "Told[KeptSequenceProgress]":
-    """Report to the sequence in a store which visits are done, lost or restored; the visits that are left.
+    """Report to the sequence in a store which visits are done, lost or restored; the visits that
+    are left.
 
     `bad` says of visits that failed why.
     Raises `InvalidInput`.
@@ -103,7 +111,10 @@ def _domain_name(target: str) -> str:
 
 
 def learn(store: Name, plans: Sequence[Name]) -> "tuple[Lesson, ...]":
-    """Check plan files, generalise them and keep the MACROPs; the result for each file. Raises `InvalidInput`."""
+    """Check plan files, generalise them and keep the MACROPs; the result for each file.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.engine.pipelines.planning.macros.macro_exchange import learn_from_file
     from cellwright.kb.store import Library
 
@@ -130,7 +141,10 @@ def export_macros(store: Name, file: Name, domain: str = "") -> int:
 
 def import_macros(store: Name, file: Name) -> int:
     """Add the MACROPs of such a file to a store; how many were new. Raises `InvalidInput`."""
-    from cellwright.engine.pipelines.planning.macros.macro_exchange import macro_records, read_macros
+    from cellwright.engine.pipelines.planning.macros.macro_exchange import (
+        macro_records,
+        read_macros,
+    )
     from cellwright.kb.store import Library
 
     made = macro_records(read_macros(Path(file)))
@@ -146,21 +160,30 @@ def check_store(store: Name) -> "tuple[Diagnostic, ...]":
 
 
 def back_up(store: Name, file: Name) -> Mapping[str, int]:
-    """Copy a store into a new file, also while others use it; the rows of each table. Raises `InvalidInput`."""
+    """Copy a store into a new file, also while others use it; the rows of each table.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.kb.store import store_maintenance
 
     return store_maintenance.write_backup(fspath(store), Path(file))
 
 
 def restore(file: Name, store: Name, *, replace: bool = False) -> Mapping[str, int]:
-    """Put a backup into an empty store, or in the place of what it holds; the rows of each table. Raises `InvalidInput`."""
+    """Put a backup into an empty store, or in the place of what it holds; the rows of each table.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.kb.store import store_maintenance
 
     return store_maintenance.restore_backup(Path(file), fspath(store), replace)
 
 
 def migrate(source: Name, store: Name) -> Mapping[str, int]:
-    """Copy a store into an empty one, from SQLite to PostgreSQL or back; the rows of each table. Raises `InvalidInput`."""
+    """Copy a store into an empty one, from SQLite to PostgreSQL or back; the rows of each table.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.kb.store import store_maintenance
 
     return store_maintenance.migrate_library(fspath(source), fspath(store))

@@ -27,7 +27,8 @@ def registered_names(group: str) -> list[str]:
 
 
 def geometry_backend(name: str = "builtin") -> GeometryBackend:
-    """The geometry backend of this name. The engine's own is there without a search among packages, so that it starts quickly.
+    """The geometry backend of this name. The engine's own is there without a search among packages,
+    so that it starts quickly.
 
     Raises `InvalidInput` when it is unknown or its package is not installed.
     """
@@ -37,7 +38,10 @@ def geometry_backend(name: str = "builtin") -> GeometryBackend:
 
 
 def contact_filter(name: str, model: "ContactModel") -> ContactFilter:
-    """The filter of contact states of this name, made for a contact model. Raises `InvalidInput` as `geometry_backend` does."""
+    """The filter of contact states of this name, made for a contact model.
+
+    Raises `InvalidInput` as `geometry_backend` does.
+    """
     contact_filter_made: ContactFilter = _load_plugin(CONTACT_FILTERS, name)(model)
     return contact_filter_made
 
@@ -56,7 +60,9 @@ def _load_plugin(group: str, name: str) -> Callable[..., Any]:
         names = registered_names(group)
         again = "install this version again: none of its plug-ins of this kind is registered"
         hint = nearest_hint(name, names) or (f"one of: {', '.join(names)}" if names else again)
-        raise InvalidInput([Diagnostic(Source(name), "K414", f"no plug-in of this name for {group}", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source(name), "K414", f"no plug-in of this name for {group}", hint)]
+        )
     try:
         factory: Callable[..., Any] = entry_points[0].load()
     except ImportError as error:

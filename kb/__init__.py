@@ -1,1 +1,4 @@
-"""The knowledge base: the domain language, its files and its types. It computes nothing about robots."""
+"""The knowledge base: the domain language, its files and its types.
+
+It computes nothing about robots.
+"""

@@ -1,8 +1,8 @@
 r"""Arithmetic and order of ground terms, as clingo has them.
 
-The search and the checker both use this definition, because it belongs to the domain language. It covers the
-operations of that language (`+ - * / \`); ranges, powers and absolute values occur only in ASP texts, which
-clingo evaluates.
+The search and the checker both use this definition, because it belongs to the domain language. It
+covers the operations of that language (`+ - * / \`); ranges, powers and absolute values occur only
+in ASP texts, which clingo evaluates.
 """
 
 from collections.abc import Callable, Iterable
@@ -13,8 +13,8 @@ CLINGO_BITS = 32  # bits of clingo's integers; larger values wrap around
 
 
 def evaluate_term(term: Term, exact: bool = False) -> Term | None:
-    """A ground term with all its arithmetic computed; None if it has no value, as with division by zero or
-    `bolt + 1`. If it is `exact`, nothing wraps around.
+    """A ground term with all its arithmetic computed; None if it has no value, as with division by
+    zero or `bolt + 1`. If it is `exact`, nothing wraps around.
     """
     if isinstance(term, Operation):
         return _calculate_number(
@@ -24,7 +24,10 @@ def evaluate_term(term: Term, exact: bool = False) -> Term | None:
 
 
 def evaluate_atom(atom: Atom) -> Atom | None:
-    """`evaluate` for an atom. The result is an atom, too: the same one if there is no arithmetic in it."""
+    """`evaluate` for an atom.
+
+    The result is an atom, too: the same one if there is no arithmetic in it.
+    """
     if term_form(atom) == PLAIN:
         return atom
     values = [evaluate_term(argument) for argument in atom.arguments]
@@ -33,7 +36,9 @@ def evaluate_atom(atom: Atom) -> Atom | None:
 
 
 def wraps_around(term: Term) -> bool:
-    """Whether a sum, a difference or a product in a ground term is too large, so that its value wraps around."""
+    """Whether a sum, a difference or a product in a ground term is too large, so that its value
+    wraps around.
+    """
     if not isinstance(term, Operation):
         return False
     left, right = evaluate_term(term.left), evaluate_term(term.right)
@@ -57,7 +62,8 @@ def compare_terms(left: Term, relation: str, right: Term, exact: bool = False) -
 def aggregate_key(function: str, tuples: Iterable[tuple[Term | None, ...]]) -> tuple[object, ...]:
     """The sort key of the value of a set of tuples: #count, #sum, #min or #max, as clingo has it.
 
-    #sum passes over what is no number; the #min of nothing is greater than all terms, the #max of nothing less.
+    #sum passes over what is no number; the #min of nothing is greater than all terms, the #max of
+    nothing less.
     """
     firsts = [row[0] for row in tuples if row and row[0] is not None]
     if function == "count":
@@ -84,7 +90,9 @@ def keys_relate(relation: str, left: tuple[object, ...], right: tuple[object, ..
 
 
 def order_key(term: Term) -> tuple[object, ...]:
-    """A sort key for clingo's order of values: numbers, constants, texts, then compound terms by arity, name, arguments."""
+    """A sort key for clingo's order of values: numbers, constants, texts, then compound terms
+    by arity, name, arguments.
+    """
     match term:
         case Number(value):
             return (0, value)
@@ -111,7 +119,9 @@ def _compare_keys(low: tuple[object, ...], high: tuple[object, ...]) -> int:
     return (low > high) - (low < high)
 
 
-def _calculate_number(operator: str, left: Term | None, right: Term | None, exact: bool) -> Number | None:
+def _calculate_number(
+    operator: str, left: Term | None, right: Term | None, exact: bool
+) -> Number | None:
     if not isinstance(left, Number) or not isinstance(right, Number):
         return None
     if operator in ("/", "\\"):

@@ -11,7 +11,8 @@ COLLECTION_THRESHOLD = 100_000  # new objects between two searches; Python itsel
 def no_search_for_cycles() -> Iterator[None]:
     """A context in which Python does not look for cycles of references.
 
-    For work that makes very many values, none of them part of a cycle: the search would take a third more time.
+    For work that makes very many values, none of them part of a cycle: the search would take a
+    third more time.
     """
     enabled = gc.isenabled()
     gc.disable()
@@ -23,9 +24,11 @@ def no_search_for_cycles() -> Iterator[None]:
 
 
 def search_now() -> None:
-    """Let Python look for cycles among what was made lately. What stays is old from then on, and looked at no more in passing.
+    """Let Python look for cycles among what was made lately. What stays is old from then on, and
+    looked at no more in passing.
 
-    For the end of work that makes many values that stay: else whoever comes next waits for that search.
+    For the end of work that makes many values that stay: else whoever comes next waits for that
+    search.
     """
     if gc.isenabled():
         gc.collect(1)
@@ -42,7 +45,10 @@ def search_seldom() -> None:
 
 @contextmanager
 def seldom_searched() -> Iterator[None]:
-    """A context in which Python looks for cycles as rarely as in a process of ours. For work inside other programs."""
+    """A context in which Python looks for cycles as rarely as in a process of ours.
+
+    For work inside other programs.
+    """
     before = gc.get_threshold()
     gc.set_threshold(COLLECTION_THRESHOLD)
     try:

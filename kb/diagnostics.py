@@ -1,4 +1,7 @@
-"""Diagnostics: an error, its place, and what to try. Codes are stable; `docs/diagnostics.md` explains them."""
+"""Diagnostics: an error, its place, and what to try.
+
+Codes are stable; `docs/diagnostics.md` explains them.
+"""
 
 import difflib
 import re
@@ -117,8 +120,9 @@ DIAGNOSTIC_CODES = {
 class Source:
     """A place in a file; lines and columns count from 1, `column` 0 means the whole line.
 
-    `text` is that line. For a long line, it is the part around the column, which begins after `cut` characters.
-    A place in the file of a device has `used`: the place where the domain uses the device.
+    `text` is that line. For a long line, it is the part around the column, which begins after `cut`
+    characters. A place in the file of a device has `used`: the place where the domain uses the
+    device.
     """
 
     path: str
@@ -151,12 +155,15 @@ NOWHERE = Source("")
 
 
 def printable_line(text: str) -> str:
-    """One line of text in which what would command the terminal is shown as `\\u001b`, line ends included."""
+    """One line of text in which what would command the terminal is shown as `\\u001b`, line
+    ends included.
+    """
     return escape_controls(text.replace("\n", "\\u000a"))
 
 
 def escape_controls(text: str) -> str:
-    """The text with `\\u001b` for each character that would control the terminal or change the direction of the text.
+    """The text with `\\u001b` for each character that would control the terminal or change the
+    direction of the text.
 
     Ends of lines stay. In JSON the result is the same text.
     """
@@ -166,9 +173,7 @@ def escape_controls(text: str) -> str:
     return re.sub(_COMMANDING, lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
-_COMMANDING = (
-    r"[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]|\r(?!\n)"
-)
+_COMMANDING = r"[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]|\r(?!\n)"
 
 
 def _character_width(character: str) -> int:
@@ -180,7 +185,10 @@ def _character_width(character: str) -> int:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Diagnostic:
-    """One finding: its place, stable code, message, and what to try (may be empty). A warning does not make a file invalid."""
+    """One finding: its place, stable code, message, and what to try (may be empty).
+
+    A warning does not make a file invalid.
+    """
 
     where: Source
     code: str
@@ -200,7 +208,8 @@ class Diagnostic:
 
 
 def order_diagnostics(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Each diagnostic once: errors, then warnings; causes before what follows from them; then by place.
+    """Each diagnostic once: errors, then warnings; causes before what follows from them; then by
+    place.
 
     A name that is unknown in several places of a file is told once, with the other lines.
     """
@@ -211,7 +220,8 @@ def order_diagnostics(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ..
             unknown.setdefault((finding.where.path, finding.message), []).append(finding)
     firsts = {same[0]: same for same in unknown.values()}
     merged = [
-        _with_lines(firsts[diagnostic]) if diagnostic in firsts else diagnostic for diagnostic in unique
+        _with_lines(firsts[diagnostic]) if diagnostic in firsts else diagnostic
+        for diagnostic in unique
     ]
     remaining = (
         diagnostic
@@ -220,7 +230,8 @@ def order_diagnostics(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ..
     )
     return tuple(
         sorted(
-            remaining, key=lambda diagnostic: (diagnostic.warning, _code_rank(diagnostic.code), diagnostic)
+            remaining,
+            key=lambda diagnostic: (diagnostic.warning, _code_rank(diagnostic.code), diagnostic),
         )
     )
 
@@ -231,10 +242,16 @@ def _with_lines(same: list[Diagnostic]) -> Diagnostic:
     lines = sorted({diagnostic.where.line for diagnostic in others} - {first.where.line})
     if not lines:
         return first
-    shown = ", ".join(map(str, lines[:3])) + (f" and {len(lines) - 3} more" if len(lines) > 3 else "")
+    shown = ", ".join(map(str, lines[:3])) + (
+        f" and {len(lines) - 3} more" if len(lines) > 3 else ""
+    )
     also = f"the same in line{'s' if len(lines) > 1 else ''} {shown}"
     return Diagnostic(
-        first.where, first.code, first.message, "; ".join(filter(None, [first.hint, also])), first.warning
+        first.where,
+        first.code,
+        first.message,
+        "; ".join(filter(None, [first.hint, also])),
+        first.warning,
     )
 
 
@@ -272,7 +289,9 @@ def suggested_name(hint: str) -> str:
 
 
 def unknown_name(kind: str, name: str, known: Collection[str], where: Source) -> Diagnostic:
-    """The diagnostic for a name that is not declared, with the most similar known name or some of the known names."""
+    """The diagnostic for a name that is not declared, with the most similar known name or some
+    of the known names.
+    """
     shown = (sorted(known) if isinstance(known, Set) else list(known))[:8]
     some = ", ".join(shown) + (", ..." if len(known) > len(shown) else "")
     hint = nearest_hint(name, known) or (f"known: {some}" if shown else "declare it first")

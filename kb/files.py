@@ -20,7 +20,8 @@ UNICODE = "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-
 
 @dataclass
 class UnsavedTexts:
-    """Texts that are read in place of files, as an editor holds them unsaved; and the files that were read, in order.
+    """Texts that are read in place of files, as an editor holds them unsaved; and the files that
+    were read, in order.
 
     Both go by absolute paths.
     """
@@ -38,7 +39,10 @@ _desk: ContextVar[UnsavedTexts | None] = ContextVar("desk", default=None)
 
 @contextmanager
 def read_unsaved(unsaved: Mapping[str, str]) -> Iterator[UnsavedTexts]:
-    """A context in which these texts are read in place of the files at their absolute paths. It notes what is read."""
+    """A context in which these texts are read in place of the files at their absolute paths.
+
+    It notes what is read.
+    """
     desk = UnsavedTexts(unsaved)
     before = _desk.set(desk)
     try:
@@ -61,11 +65,16 @@ class File:
         return cls(path, text, (0, *(newline.end() for newline in re.finditer("\n", text))))
 
     def beside(self, path: Path) -> "File":
-        """Another file that belongs to this one. Raises `InvalidInput` if it cannot be read as text."""
+        """Another file that belongs to this one.
+
+        Raises `InvalidInput` if it cannot be read as text.
+        """
         return read_file(path)
 
     def user(self) -> Source | None:
-        """The place where the device is used that the file belongs to; None for a file of the domain itself."""
+        """The place where the device is used that the file belongs to; None for a file of the
+        domain itself.
+        """
         return None
 
     def at(self, index: int) -> Source:
@@ -74,23 +83,37 @@ class File:
         start = self.line_starts[line - 1]
         end = self.text.find("\n", index, index + MAX_EXCERPT_CHARACTERS)
         end = end if end >= 0 else min(index + MAX_EXCERPT_CHARACTERS, len(self.text))
-        first = max(start, index - MAX_EXCERPT_CHARACTERS) if end - start > MAX_EXCERPT_CHARACTERS else start
-        return Source(self.path, line, index - start + 1, self.text[first:end].rstrip("\r"), first - start)
+        first = (
+            max(start, index - MAX_EXCERPT_CHARACTERS)
+            if end - start > MAX_EXCERPT_CHARACTERS
+            else start
+        )
+        return Source(
+            self.path, line, index - start + 1, self.text[first:end].rstrip("\r"), first - start
+        )
 
     def line(self, number: int, column: int) -> Source:
-        """The place of a column of a line, both counted from 1. If there is no such line, the place is the file."""
+        """The place of a column of a line, both counted from 1.
+
+        If there is no such line, the place is the file.
+        """
         if not 1 <= number <= len(self.line_starts):
             return Source(self.path)
         return self.at(min(self.line_starts[number - 1] + max(column - 1, 0), len(self.text)))
 
 
 def find_unprintable(text: str) -> re.Match[str] | None:
-    """The first character that is not allowed. Most texts are ASCII, for which a small pattern is enough."""
+    """The first character that is not allowed.
+
+    Most texts are ASCII, for which a small pattern is enough.
+    """
     return re.search(ASCII if text.isascii() else UNICODE, text)
 
 
 def similar_file_hint(path: Path) -> str:
-    """The hint for a file that is not there: one beside it whose name is like it; empty if there is none."""
+    """The hint for a file that is not there: one beside it whose name is like it; empty if
+    there is none.
+    """
     try:
         names = [entry.name for entry in os.scandir(path.parent) if entry.name[:1] != "."]
     except (OSError, ValueError):
@@ -104,7 +127,10 @@ def similar_file_hint(path: Path) -> str:
 
 
 def read_file(path: Path, name: str | None = None, most: int = MAX_FILE_BYTES) -> File:
-    """The text of `path`, of at most so many bytes. Raises `InvalidInput` if it cannot be read as text."""
+    """The text of `path`, of at most so many bytes.
+
+    Raises `InvalidInput` if it cannot be read as text.
+    """
     name = name or str(path)
     data = read_bytes(path, name, most)
     try:
@@ -144,16 +170,23 @@ def read_bytes(path: Path, name: str, most: int = MAX_FILE_BYTES) -> bytes:
             [Diagnostic(Source(name), "K001", f"cannot be read: {reason.lower()}", hint)]
         ) from None
     if stat.S_ISDIR(status.st_mode):
-        diagnostic = Diagnostic(Source(name), "K001", "this is a folder, not a file", "name a file in it")
+        diagnostic = Diagnostic(
+            Source(name), "K001", "this is a folder, not a file", "name a file in it"
+        )
     elif not stat.S_ISREG(status.st_mode):
-        diagnostic = Diagnostic(Source(name), "K001", "not a regular file", "pipes and devices are not read")
+        diagnostic = Diagnostic(
+            Source(name), "K001", "not a regular file", "pipes and devices are not read"
+        )
     else:
         diagnostic = _too_large(name, most)
     raise InvalidInput([diagnostic])
 
 
 def foreign_bytes(path: Path, code: str, what: str, most: int) -> bytes:
-    """`read_bytes` of a file in a format of others, such as a mesh. Its findings have the code of that format's reader."""
+    """`read_bytes` of a file in a format of others, such as a mesh.
+
+    Its findings have the code of that format's reader.
+    """
     try:
         return read_bytes(path, str(path), most)
     except InvalidInput as error:
@@ -175,7 +208,9 @@ def _too_large(name: str, most: int) -> Diagnostic:
 
 
 def _editor_text(path: Path, noted: bool = False) -> bytes | None:
-    """What an editor holds for a file, as bytes; None if it does not. With `noted`, the file counts as read."""
+    """What an editor holds for a file, as bytes; None if it does not. With `noted`, the file
+    counts as read.
+    """
     if (desk := _desk.get()) is None:
         return None
     if noted:

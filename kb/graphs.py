@@ -1,7 +1,7 @@
 """Small directed graphs as mappings: strongly connected components and reachability.
 
-These few functions are enough here. Importing a graph library would take longer than planning a small
-problem.
+These few functions are enough here. Importing a graph library would take longer than planning a
+small problem.
 """
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping
@@ -11,8 +11,8 @@ Vertex = TypeVar("Vertex", bound=Hashable)
 
 
 def strong_components(graph: Mapping[Vertex, Iterable[Vertex]]) -> Iterator[list[Vertex]]:
-    """The strongly connected components; each comes after all components that it points at (Tarjan 1972,
-    without recursion).
+    """The strongly connected components; each comes after all components that it points at (Tarjan
+    1972, without recursion).
     """
     numbers: dict[Vertex, int] = {}
     lowest: dict[Vertex, int] = {}
@@ -26,7 +26,12 @@ def strong_components(graph: Mapping[Vertex, Iterable[Vertex]]) -> Iterator[list
         while path:
             vertex, targets = path[-1]
             new = next(
-                (target for target in targets if _is_new_target(target, vertex, numbers, lowest, open_)), None
+                (
+                    target
+                    for target in targets
+                    if _is_new_target(target, vertex, numbers, lowest, open_)
+                ),
+                None,
             )
             if new is not None:
                 numbers[new] = lowest[new] = len(numbers)

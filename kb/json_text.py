@@ -10,10 +10,16 @@ HALF_SURROGATE = re.compile(
 
 
 def parse_json(text: str | bytes) -> Any:
-    """What a JSON text says. Raises `ValueError`, also where it is nested too deeply, a character is not whole, or it is no text."""
+    """What a JSON text says.
+
+    Raises `ValueError`, also where it is nested too deeply, a character is not whole, or it is no
+    text.
+    """
     try:
         value = json.loads(text)
-        if HALF_SURROGATE.search(text if isinstance(text, str) else text.decode("utf-8", "replace")):
+        if HALF_SURROGATE.search(
+            text if isinstance(text, str) else text.decode("utf-8", "replace")
+        ):
             json.dumps(value, ensure_ascii=False).encode("utf-8")
     except RecursionError:
         raise ValueError("nested too deeply") from None

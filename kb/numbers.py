@@ -16,7 +16,10 @@ COUNT_NUMBER = re.compile(r"[0-9]{1,15}")
 
 
 class NumberError(ValueError):
-    """A text that is no number for us. The message says why, and can follow the text in quotation marks."""
+    """A text that is no number for us.
+
+    The message says why, and can follow the text in quotation marks.
+    """
 
 
 def read_whole(text: str, least: int | None = None, most: int = int(MAX_FILE_NUMBER)) -> int:
@@ -29,8 +32,13 @@ def read_whole(text: str, least: int | None = None, most: int = int(MAX_FILE_NUM
     return int(value)
 
 
-def read_decimal(text: str, most: float = MAX_FILE_NUMBER, longest: int = MAX_NUMBER_CHARACTERS) -> float:
-    """The number that a text of at most `longest` characters is: at most `most` in size. Raises `NumberError`."""
+def read_decimal(
+    text: str, most: float = MAX_FILE_NUMBER, longest: int = MAX_NUMBER_CHARACTERS
+) -> float:
+    """The number that a text of at most `longest` characters is: at most `most` in size.
+
+    Raises `NumberError`.
+    """
     if not DECIMAL_NUMBER.fullmatch(text):
         raise NumberError("is not a number")
     return _in_range(float(_shorten_text(text, longest)), most)
@@ -42,7 +50,9 @@ def read_finite(text: str) -> float:
 
 
 def is_number(value: object, most: float = MAX_FILE_NUMBER) -> bool:
-    """Whether a plain value, such as one of a JSON text, is a number from -`most` to `most`; NaN and truth values are none."""
+    """Whether a plain value, such as one of a JSON text, is a number from -`most` to `most`;
+    NaN and truth values are none.
+    """
     return isinstance(value, int | float) and not isinstance(value, bool) and -most <= value <= most
 
 

@@ -1,7 +1,8 @@
 """Reads plain terms without a grammar: names, whole numbers, variables and compounds of them.
 
-What is read here is read alike by the grammar of the language and by clingo. Everything else is left to them: operators,
-times, texts, very long or deep terms, and errors, so that only they say what is wrong.
+What is read here is read alike by the grammar of the language and by clingo. Everything else is
+left to them: operators, times, texts, very long or deep terms, and errors, so that only they say
+what is wrong.
 """
 
 import functools

@@ -7,9 +7,11 @@ from contextvars import ContextVar
 
 
 class StoppedByCaller(BaseException):
-    """Whoever asked for an answer wants none any more: Ctrl-C, a request to terminate, or the end of the time.
+    """Whoever asked for an answer wants none any more: Ctrl-C, a request to terminate, or the end
+    of the time.
 
-    It is no `Exception`, so that none of those who catch what a foreign library raises takes it for that.
+    It is no `Exception`, so that none of those who catch what a foreign library raises takes it for
+    that.
     """
 
 
@@ -28,8 +30,12 @@ def megabytes_left() -> float:
 
 
 @contextmanager
-def asking_to_stop(question: Callable[[], bool], left: Callable[[], float] | None = None) -> Iterator[None]:
-    """A context in which `question` says whether to stop, and `left`, if given, how many megabytes of memory may still be taken."""
+def asking_to_stop(
+    question: Callable[[], bool], left: Callable[[], float] | None = None
+) -> Iterator[None]:
+    """A context in which `question` says whether to stop, and `left`, if given, how many
+    megabytes of memory may still be taken.
+    """
     before, room = _QUESTION.set(question), _LEFT.set(left or _LEFT.get())
     try:
         yield

@@ -15,10 +15,13 @@ CELL_FILE = "cell.yaml"
 CONTACTS_FILE = "contacts.yaml"
 DEVICE_FILE = "device.yaml"
 SCENE_FILE = "scene.yaml"
-DEVICES_FOLDER = "devices"  # the folder of devices: of those that come with the engine, and beside a domain
-BUNDLED_DOMAINS = Path(__file__).parents[1] / "domains"  # beside this package, whatever else has that name
+# the folder of devices: of those that come with the engine, and beside a domain
+DEVICES_FOLDER = "devices"
+# beside this package, whatever else has that name
+BUNDLED_DOMAINS = Path(__file__).parents[1] / "domains"
 
-OTHER_FILES = {  # files that are no target, by their endings: what they are, and which command takes them
+# files that are no target, by their endings: what they are, and which command takes them
+OTHER_FILES = {
     ".lp": (
         "these are rules, not a problem",
         "name the problem, or the folder of the domain that includes it",
@@ -27,8 +30,14 @@ OTHER_FILES = {  # files that are no target, by their endings: what they are, an
         "this is PDDL, not a problem in YAML",
         "plan takes it with --pddl: cellwright plan --pddl DOMAIN PROBLEM",
     ),
-    ".tsp": ("this is a file of TSPLIB, not a problem", "sequence takes it: cellwright sequence FILE"),
-    ".csv": ("this is a table, not a problem", "make a problem of its points: cellwright import csv FILE"),
+    ".tsp": (
+        "this is a file of TSPLIB, not a problem",
+        "sequence takes it: cellwright sequence FILE",
+    ),
+    ".csv": (
+        "this is a table, not a problem",
+        "make a problem of its points: cellwright import csv FILE",
+    ),
     ".qif": (
         "this is a QIF document, not a problem",
         "make a problem of its features: cellwright import qif FILE",
@@ -39,7 +48,9 @@ SLAB_TABLE = "operations.tsv"  # a table of S-LAB
 
 def bundled_domains() -> dict[str, Path]:
     """The domains that come with the engine, by name."""
-    return {path.parent.name: path.parent for path in sorted(BUNDLED_DOMAINS.glob(f"*/{DOMAIN_FILE}"))}
+    return {
+        path.parent.name: path.parent for path in sorted(BUNDLED_DOMAINS.glob(f"*/{DOMAIN_FILE}"))
+    }
 
 
 def bundled_devices() -> dict[str, Path]:
@@ -53,9 +64,11 @@ def devices_in(folder: Path) -> dict[str, Path]:
 
 
 def find_target(target: str) -> Path:
-    """The file that a target names: a path, or by name a domain, or `domain/problem`, here or bundled. Raises `InvalidInput`.
+    """The file that a target names: a path, or by name a domain, or `domain/problem`, here or
+    bundled. Raises `InvalidInput`.
 
-    A domain in the working folder comes before a bundled one of its name, even if its file cannot be read.
+    A domain in the working folder comes before a bundled one of its name, even if its file cannot
+    be read.
     """
     path = Path(target)
     if is_there(path / DOMAIN_FILE):
@@ -79,23 +92,32 @@ def find_target(target: str) -> Path:
 def bundled_scenes() -> dict[str, Path]:
     """The scenes that come with the engine, by name."""
     scenes = {path.parent.name: path for path in sorted(BUNDLED_DOMAINS.glob(f"*/{SCENE_FILE}"))}
-    more = sorted(path for path in BUNDLED_DOMAINS.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell"))
+    more = sorted(
+        path for path in BUNDLED_DOMAINS.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell")
+    )
     return scenes | {f"{path.parent.parent.name}/{path.stem}": path for path in more}
 
 
 def find_scene(name: str) -> Path:
-    """The file of a scene, by path or bundled name such as `handey` or `handey/five`. Raises `InvalidInput`."""
+    """The file of a scene, by path or bundled name such as `handey` or `handey/five`.
+
+    Raises `InvalidInput`.
+    """
     known = bundled_scenes()
     if is_file(Path(name)):
         return Path(name)
     if name in known:
         return known[name]
     hint = nearest_hint(name, list(known)) or f"bundled: {', '.join(known)}"
-    raise InvalidInput([Diagnostic(Source(name), "K401", "no file and no bundled scene of this name", hint)])
+    raise InvalidInput(
+        [Diagnostic(Source(name), "K401", "no file and no bundled scene of this name", hint)]
+    )
 
 
 def _of_domain(folder: Path, name: str) -> dict[str, Path]:
-    """The problems of a bundled domain by name; those in `large` take long, and are not part of its tests."""
+    """The problems of a bundled domain by name; those in `large` take long, and are not part of
+    its tests.
+    """
     files = [*folder.glob("large/*.yaml"), *folder.glob("problems/*.yaml")]
     return {f"{name}/{file.stem}": file for file in sorted(files)}
 
@@ -120,7 +142,9 @@ def problem_files(domain: Path) -> list[Path]:
     if not is_there(folder):
         return []
     try:
-        return sorted(folder / entry.name for entry in os.scandir(folder) if entry.name.endswith(".yaml"))
+        return sorted(
+            folder / entry.name for entry in os.scandir(folder) if entry.name.endswith(".yaml")
+        )
     except OSError as error:
         said = f"the problems cannot be listed: {(error.strerror or str(error)).lower()}"
         raise InvalidInput(
@@ -141,7 +165,8 @@ def _not_found(target: str, path: Path, known: list[str]) -> Diagnostic:
 
 
 def domain_reference(domain: "Domain") -> str:
-    """The name of this domain for other files: its name if it is bundled, otherwise its path from the root of the file system.
+    """The name of this domain for other files: its name if it is bundled, otherwise its path from
+    the root of the file system.
 
     So it is found from any folder in which a command is typed.
     """

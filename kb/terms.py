@@ -1,7 +1,8 @@
-"""Terms and atoms: constants, numbers, texts, variables and compound terms, with substitution, matching and unification.
+"""Terms and atoms: constants, numbers, texts, variables and compound terms, with substitution,
+matching and unification.
 
-An atom is a `Function` whose name is a predicate. `str` gives ASP text, for clingo and for people. This
-module knows no types and no predicates.
+An atom is a `Function` whose name is a predicate. `str` gives ASP text, for clingo and for people.
+This module knows no types and no predicates.
 """
 
 import functools
@@ -37,7 +38,8 @@ class Text:
 class Variable:
     """A variable. `_` is anonymous: each of its occurrences stands for anything.
 
-    There is one object for each name, so that variables are compared and hashed without a call: they are keys wherever terms are bound.
+    There is one object for each name, so that variables are compared and hashed without a call:
+    they are keys wherever terms are bound.
     """
 
     name: str
@@ -56,7 +58,8 @@ class Variable:
 
 _VARIABLES: dict[str, Variable] = {}
 
-PLAIN, COMPUTED, OPEN = 0, 1, 2  # the forms of terms: a value, ground with arithmetic inside, with variables
+# the forms of terms: a value, ground with arithmetic inside, with variables
+PLAIN, COMPUTED, OPEN = 0, 1, 2
 
 
 class _Known:
@@ -71,8 +74,8 @@ class _Known:
 class Function(_Known):
     """A constant (no arguments), a compound term, or an atom.
 
-    Its hash is computed once: terms are looked up far more often than they are made. Making, hashing and comparing are
-    written out, because planning does each of them millions of times.
+    Its hash is computed once: terms are looked up far more often than they are made. Making,
+    hashing and comparing are written out, because planning does each of them millions of times.
     """
 
     name: str
@@ -111,7 +114,9 @@ class Function(_Known):
         return f"{self.name}({', '.join(map(str, self.arguments))})"
 
 
-_set_name, _set_arguments = (vars(Function)[attribute].__set__ for attribute in ("name", "arguments"))
+_set_name, _set_arguments = (
+    vars(Function)[attribute].__set__ for attribute in ("name", "arguments")
+)
 _set_hash, _set_form = (vars(_Known)[attribute].__set__ for attribute in ("_hash", "_form"))
 
 
@@ -165,7 +170,9 @@ def term_variables(term: Term) -> Iterator[Variable]:
 
 
 def term_form(term: Term) -> int:
-    """PLAIN for a value, COMPUTED for a ground term with arithmetic inside, OPEN for a term with variables."""
+    """PLAIN for a value, COMPUTED for a ground term with arithmetic inside, OPEN for a term
+    with variables.
+    """
     if isinstance(term, Function):
         form = term._form
         if form is None:
@@ -183,14 +190,19 @@ def is_ground(term: Term) -> bool:
 
 
 def substitute_term(term: Term, bindings: Substitution) -> Term:
-    """`term` with every bound variable replaced. Variables inside the new terms are not replaced again."""
+    """`term` with every bound variable replaced.
+
+    Variables inside the new terms are not replaced again.
+    """
     if isinstance(term, Variable):
         return bindings.get(term, term)
     if isinstance(term, Function):
         return term if term._form == PLAIN else substitute_atom(term, bindings)
     if isinstance(term, Operation):
         return Operation(
-            term.operator, substitute_term(term.left, bindings), substitute_term(term.right, bindings)
+            term.operator,
+            substitute_term(term.left, bindings),
+            substitute_term(term.right, bindings),
         )
     return term
 
@@ -208,23 +220,36 @@ def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
         if isinstance(argument, Variable):
             replaced.append(bindings.get(argument, argument))
         elif isinstance(argument, Function):
-            replaced.append(argument if argument._form == PLAIN else substitute_atom(argument, bindings))
+            replaced.append(
+                argument if argument._form == PLAIN else substitute_atom(argument, bindings)
+            )
         else:
             replaced.append(substitute_term(argument, bindings))
-    return atom if all(map(operator.is_, replaced, atom.arguments)) else Function(atom.name, tuple(replaced))
+    return (
+        atom
+        if all(map(operator.is_, replaced, atom.arguments))
+        else Function(atom.name, tuple(replaced))
+    )
 
 
 def exchange_subterms(term: Term, others: Mapping[Term, Term]) -> Term:
-    """`term` with other terms in the places of some, at any depth. What is put in is not looked at again."""
+    """`term` with other terms in the places of some, at any depth.
+
+    What is put in is not looked at again.
+    """
     if term in others:
         return others[term]
     if isinstance(term, Function) and term.arguments:
-        return Function(term.name, tuple(exchange_subterms(argument, others) for argument in term.arguments))
+        return Function(
+            term.name, tuple(exchange_subterms(argument, others) for argument in term.arguments)
+        )
     return term
 
 
 def match_term(pattern: Term, ground: Term, bindings: Substitution) -> dict[Variable, Term] | None:
-    """The smallest extension of `bindings` under which `pattern` equals `ground`, or None; `_` matches anything."""
+    """The smallest extension of `bindings` under which `pattern` equals `ground`, or None; `_`
+    matches anything.
+    """
     extended = dict(bindings)
     return extended if _extend_match(pattern, ground, extended) else None
 
@@ -253,8 +278,9 @@ def _extend_match(pattern: Term, ground: Term, extended: dict[Variable, Term]) -
 def unify(left: Term, right: Term, bindings: Substitution) -> dict[Variable, Term] | None:
     """A most general unifier of two terms that extends `bindings`, or None.
 
-    Robinson 1965, without the occurs check: terms of the domain language do not recurse, so a variable never meets
-    a term that contains it. Bindings are triangular: follow them with `resolve`.
+    Robinson 1965, without the occurs check: terms of the domain language do not recurse, so a
+    variable never meets a term that contains it. Bindings are triangular: follow them with
+    `resolve`.
     """
     left, right = resolve_term(left, bindings), resolve_term(right, bindings)
     if left == right:
@@ -280,7 +306,9 @@ def resolve_term(term: Term, bindings: Substitution) -> Term:
     while isinstance(term, Variable) and term in bindings:
         term = bindings[term]
     if isinstance(term, Function) and term.arguments:
-        return Function(term.name, tuple(resolve_term(argument, bindings) for argument in term.arguments))
+        return Function(
+            term.name, tuple(resolve_term(argument, bindings) for argument in term.arguments)
+        )
     return term
 
 

@@ -17,9 +17,14 @@ STARTED = time.monotonic()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--update-golden", action="store_true", help="accept changed texts as golden files")
     parser.addoption(
-        "--begin-within", type=float, metavar="S", help="skip tests whose turn comes after S seconds"
+        "--update-golden", action="store_true", help="accept changed texts as golden files"
+    )
+    parser.addoption(
+        "--begin-within",
+        type=float,
+        metavar="S",
+        help="skip tests whose turn comes after S seconds",
     )
 
 
@@ -31,7 +36,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Laws try fewer examples in the quick suite. One law may be several tests, one for each parameter."""
+    """Laws try fewer examples in the quick suite.
+
+    One law may be several tests, one for each parameter.
+    """
     if "not slow" in config.option.markexpr:
         functions = {item.obj for item in items if isinstance(item, pytest.Function)}
         for law in filter(is_hypothesis_test, functions):
@@ -46,7 +54,9 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """The tests themselves stay for the whole run: Python need not look through them for garbage again and again."""
+    """The tests themselves stay for the whole run: Python need not look through them for
+    garbage again and again.
+    """
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000, 20, 50)
@@ -54,7 +64,8 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture
 def golden(request: pytest.FixtureRequest) -> Golden:
-    """`golden(name, text)` compares a text with `golden/name` beside the test, or under `tests/golden` when there is one.
+    """`golden(name, text)` compares a text with `golden/name` beside the test, or under
+    `tests/golden` when there is one.
 
     `--update-golden` rewrites the file, which is refused in continuous integration.
     """

@@ -1,4 +1,6 @@
-"""What each test costs, in seconds of the processor: a run of many tests ends with the costliest ones."""
+"""What each test costs, in seconds of the processor: a run of many tests ends with the
+costliest ones.
+"""
 
 import resource
 from collections.abc import Generator
@@ -49,6 +51,8 @@ class Costs:
         whole = sum(self.by_test.values())
         if whole < WORTH_TELLING_S:
             return
-        terminalreporter.section(f"costliest of {len(self.by_test)} tests, {whole:.0f} s of the processor")
+        terminalreporter.section(
+            f"costliest of {len(self.by_test)} tests, {whole:.0f} s of the processor"
+        )
         for name, each in sorted(self.by_test.items(), key=lambda pair: -pair[1])[:COSTLIEST]:
             terminalreporter.write_line(f"{each:6.1f} s  {name}")

@@ -1,8 +1,8 @@
 """Command lines that are refused with a code of their own: no example folder can show these codes.
 
-`{plan}` is a plan for bulkhead/one_point, `{other}` is a file with other content, `{folder}` is a folder with files in it.
-`{store}` is a library, `{closed}` is a folder that does not exist, `{bare}` is a domain with nothing but operators,
-and `{problem}` is a problem with one measurement.
+`{plan}` is a plan for bulkhead/one_point, `{other}` is a file with other content, `{folder}` is a
+folder with files in it. `{store}` is a library, `{closed}` is a folder that does not exist,
+`{bare}` is a domain with nothing but operators, and `{problem}` is a problem with one measurement.
 """
 
 REFUSALS = {
@@ -40,12 +40,23 @@ REFUSALS = {
     "K410": ["explain {plan} 99", "revise {plan} --done 99"],
     "K411": ["diagnose bulkhead/one_point --exception no_echo --plan {plan} --done 2"],
     "K412": ["diagnose bulkhead/twelve_points --exception no_echo --plan {plan} --done 1"],
-    "K413": ["macros import {other} --store {store}", "diagnose bulkhead --import {other} --store {store}"],
+    "K413": [
+        "macros import {other} --store {store}",
+        "diagnose bulkhead --import {other} --store {store}",
+    ],
     "K415": ["macros export {closed}/a.json --store {store}"],
-    "K416": ["macros list --store {other}", "macros list --store {closed}/a.db", "macros list --store x://y"],
+    "K416": [
+        "macros list --store {other}",
+        "macros list --store {closed}/a.db",
+        "macros list --store x://y",
+    ],
     "K417": ["macros show 7 --store {store}"],
     "K418": ["measurement remove {problem} m1"],
-    "K421": ["resume none --store {store}", "stop none", "run themse/one --store {store} --fault 3"],
+    "K421": [
+        "resume none --store {store}",
+        "stop none",
+        "run themse/one --store {store} --fault 3",
+    ],
     "K906": ["diagnose bulkhead --exception no_echo --step tidy"],
 }
 

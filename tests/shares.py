@@ -14,7 +14,10 @@ def share(examples: int) -> int:
 
 
 def shorten(law: Callable[..., object]) -> None:
-    """Make a law try a share of its examples. It is written where `@settings` writes, and Hypothesis' own plugin."""
+    """Make a law try a share of its examples.
+
+    It is written where `@settings` writes, and Hypothesis' own plugin.
+    """
     function = getattr(law, "__func__", law)
     own: settings = function._hypothesis_internal_use_settings
     function._hypothesis_internal_use_settings = settings(own, max_examples=share(own.max_examples))

@@ -27,9 +27,9 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def kept() -> Path:
     folder = compiling.cache()
     assert folder is not None
-    return compiling._kept(folder, [Extension("cellwright.engine.loop", ["cellwright/engine/loop.py"])])[
-        "cellwright.engine.loop"
-    ]
+    return compiling._kept(
+        folder, [Extension("cellwright.engine.loop", ["cellwright/engine/loop.py"])]
+    )["cellwright.engine.loop"]
 
 
 def test_the_same_source_has_the_same_place(sources: Path) -> None:

@@ -21,7 +21,9 @@ def test_a_text_without_a_golden_file_fails(tmp_path: Path) -> None:
         compare_with_golden(tmp_path / "new.txt", "text", update=False)
 
 
-def test_accepting_rewrites_the_golden_file(accepted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_accepting_rewrites_the_golden_file(
+    accepted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.delenv("CI", raising=False)
     compare_with_golden(accepted, "as it is", update=True)
     assert accepted.read_text() == "as it is"

@@ -1,4 +1,6 @@
-"""A mutation run tries only the tests that can notice a mutant, and exchanges no more than what the mutant changes."""
+"""A mutation run tries only the tests that can notice a mutant, and exchanges no more than what
+the mutant changes.
+"""
 
 import ast
 import sys
@@ -40,7 +42,10 @@ class Judge:
 
 
 def names() -> dict[str, Any]:
-    found: dict[str, Any] = {"decorated": lambda function: lambda *values: function(*values), "__name__": "m"}
+    found: dict[str, Any] = {
+        "decorated": lambda function: lambda *values: function(*values),
+        "__name__": "m",
+    }
     exec(compile(TEXT, FILE, "exec"), found)
     return found
 

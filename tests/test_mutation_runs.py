@@ -80,7 +80,9 @@ def test_each_mutant_gets_its_verdict_and_the_file_stays(tmp_path: Path) -> None
 def test_tests_that_fail_without_a_mutant_are_told(tmp_path: Path) -> None:
     (tmp_path / "judge.py").write_text(JUDGE.replace("LIMIT = 3", "LIMIT = 2"))
     (tmp_path / "test_judge.py").write_text(TESTS)
-    (tmp_path / "mutants.json").write_text(json.dumps([{"file": "judge.py", "line": "1", "text": JUDGE}]))
+    (tmp_path / "mutants.json").write_text(
+        json.dumps([{"file": "judge.py", "line": "1", "text": JUDGE}])
+    )
     call = [sys.executable, "-c", RUN, str(TOP / "benchmarks")]
     ran = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ran.returncode

@@ -1,4 +1,6 @@
-"""The whole measurement: parts are kept as they end, the next call goes on, failures are told, and what got worse is found."""
+"""The whole measurement: parts are kept as they end, the next call goes on, failures are told,
+and what got worse is found.
+"""
 
 import json
 import sys
@@ -94,7 +96,9 @@ def test_a_failure_and_an_endless_part_stop_nothing(
 ) -> None:
     monkeypatch.setattr(whole_runs, "busy", lambda: 1.0)
     broken = Part("broken", script(tmp_path, "broken", "raise OSError('no peer')"), (), (), (TIME,))
-    endless = Part("endless", script(tmp_path, "endless", "while True: pass"), (), (), (TIME,), (0.01, 1))
+    endless = Part(
+        "endless", script(tmp_path, "endless", "while True: pass"), (), (), (TIME,), (0.01, 1)
+    )
     silent = Part("silent", script(tmp_path, "silent", ""), (), (), (TIME,))
     missing = Part("missing", str(tmp_path / "nothing.py"), (), (), (TIME,))
     parts = [broken, endless, silent, missing, counting(tmp_path, "fine", {"s": 1})]
@@ -124,9 +128,16 @@ def test_a_place_that_is_not_there_takes_its_argument_along(tmp_path: Path, benc
     text = "pathlib.Path(sys.argv[-1]).write_text(json.dumps({'s': len(sys.argv)}))"
     words = ("--peers={peers}", "--cluster={cluster}", "{json}")
     part = Part("peers", script(tmp_path, "peers", text), words, (), (TIME,))
-    there = ({}, {"peers": "python"}, {"cluster": "host:8786"}, {"peers": "python", "cluster": "host:8786"})
+    there = (
+        {},
+        {"peers": "python"},
+        {"cluster": "host:8786"},
+        {"peers": "python", "cluster": "host:8786"},
+    )
     told = [
-        run_all(replace(bench, version=f"v{n}", **places), [part], 10, lambda _: None)[0].figures["time"]
+        run_all(replace(bench, version=f"v{n}", **places), [part], 10, lambda _: None)[0].figures[
+            "time"
+        ]
         for n, places in enumerate(there)
     ]
     assert told == [2.0, 3.0, 3.0, 4.0]
@@ -135,7 +146,9 @@ def test_a_place_that_is_not_there_takes_its_argument_along(tmp_path: Path, benc
 def measured(
     seconds: float | None, count: float | None, machine: Machine = MACHINE, failed: str = ""
 ) -> Measured:
-    result = Result("one", "v1", 0, 1.0, 1.0, 0.5, {"time": seconds, "count": count}, {"time": 4.0}, failed)
+    result = Result(
+        "one", "v1", 0, 1.0, 1.0, 0.5, {"time": seconds, "count": count}, {"time": 4.0}, failed
+    )
     return Measured("2026-11-23", "quick", "v1", machine, {"OMPL": "not installed"}, (result,))
 
 
@@ -156,7 +169,11 @@ PARTS = [Part("one", "one.py", (), (), (TIME, COUNT)), Part("left", "left.py", (
             ["count: 2, it was 3 and misses its bar now"],
         ),
         (measured(None, None), measured(1.0, 3), []),
-        (measured(None, None, failed="failed"), measured(1.0, 3), ["one fails; it did not the last time"]),
+        (
+            measured(None, None, failed="failed"),
+            measured(1.0, 3),
+            ["one fails; it did not the last time"],
+        ),
         (measured(9.0, 1), None, []),
     ],
 )
@@ -177,7 +194,9 @@ def test_the_page_tells_everything() -> None:
         measured(1, 3), measured(1, 3, replace(MACHINE, cores=64)), PARTS
     )
     assert "There is no page to compare with." in whole_page.page(measured(1, 3), None, PARTS)
-    assert "```\nwhy\n```" in whole_page.page(measured(None, None, failed="failed\nwhy"), None, PARTS)
+    assert "```\nwhy\n```" in whole_page.page(
+        measured(None, None, failed="failed\nwhy"), None, PARTS
+    )
 
 
 def test_data_is_read_back() -> None:
@@ -223,7 +242,9 @@ def test_the_parts_are_there_and_their_figures_have_names_of_their_own() -> None
 
 
 def test_every_benchmark_is_a_part() -> None:
-    """Those that are no benchmark of their own are read by others, make pictures, or belong to this measurement."""
+    """Those that are no benchmark of their own are read by others, make pictures, or belong to
+    this measurement.
+    """
     helped = {"screenshots", "mutants", "mutation_runs", "limits_work", "inspection_patches"}
     files = {
         path.stem

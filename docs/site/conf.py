@@ -42,7 +42,18 @@ def contents(text):
     """The sections of the first page as the navigation of the site."""
     sections = re.findall(r"^## (.*)\n((?:(?!## ).*\n)*)", text, re.MULTILINE)
     return "".join(
-        "\n".join(["", "```{toctree}", ":hidden:", f":caption: {title}", "", *LINK.findall(body), "```", ""])
+        "\n".join(
+            [
+                "",
+                "```{toctree}",
+                ":hidden:",
+                f":caption: {title}",
+                "",
+                *LINK.findall(body),
+                "```",
+                "",
+            ]
+        )
         for title, body in sections
     )
 
@@ -50,5 +61,6 @@ def contents(text):
 def files(folder):
     """Links to the files of a folder."""
     return ", ".join(
-        f"[{file.name.partition('.')[0]}]({folder}/{file.name})" for file in sorted((DOCS / folder).iterdir())
+        f"[{file.name.partition('.')[0]}]({folder}/{file.name})"
+        for file in sorted((DOCS / folder).iterdir())
     )

@@ -1,9 +1,11 @@
-"""Writes `large/thousand.yaml`: a thousand points on the web of the bulkhead, for measurements of thickness and of profile.
+"""Writes `large/thousand.yaml`: a thousand points on the web of the bulkhead, for measurements of
+thickness and of profile.
 
     python domains/bulkhead/points.py [COUNT] > domains/bulkhead/large/thousand.yaml
 
-The points stand in a grid, between the ribs and beside the holes of `cell.yaml`, far enough from both for the ultrasonic probe.
-The stations that reach them are not written: `plan --motion` and `prepare` find them.
+The points stand in a grid, between the ribs and beside the holes of `cell.yaml`, far enough from
+both for the ultrasonic probe. The stations that reach them are not written: `plan --motion` and
+`prepare` find them.
 """
 
 import sys
@@ -25,7 +27,11 @@ def points(count: int) -> list[tuple[float, float]]:
     holes = [(*each["at"], each["radius"]) for each in web["holes"]]
     for step in (0.001 * n for n in range(120, 20, -1)):
         rows, columns = int(1.7 / step), int(4.7 / step)
-        grid = [(-0.85 + step * i, -2.35 + step * j) for i in range(rows + 1) for j in range(columns + 1)]
+        grid = [
+            (-0.85 + step * i, -2.35 + step * j)
+            for i in range(rows + 1)
+            for j in range(columns + 1)
+        ]
         kept = [point for point in grid if _is_open(*point, holes)]
         if len(kept) >= count:
             return kept[:count]
@@ -34,11 +40,14 @@ def points(count: int) -> list[tuple[float, float]]:
 
 def _is_open(x: float, y: float, holes: list[tuple[float, float, float]]) -> bool:
     off_ribs = (
-        min(abs(x - rib) for rib in RIBS_X) > BESIDE_RIB and min(abs(y - rib) for rib in RIBS_Y) > BESIDE_RIB
+        min(abs(x - rib) for rib in RIBS_X) > BESIDE_RIB
+        and min(abs(y - rib) for rib in RIBS_Y) > BESIDE_RIB
     )
     within = abs(x) < 0.97 - LIP and abs(y) < 2.47 - LIP
     return (
-        off_ribs and within and all((x - a) ** 2 + (y - b) ** 2 > (r + BESIDE_HOLE) ** 2 for a, b, r in holes)
+        off_ribs
+        and within
+        and all((x - a) ** 2 + (y - b) ** 2 > (r + BESIDE_HOLE) ** 2 for a, b, r in holes)
     )
 
 
@@ -46,7 +55,8 @@ def main(count: int) -> None:
     """Print the problem file."""
     print("# yaml-language-server: $schema=../../../docs/schema/problem.schema.json")
     print(
-        f"# {count} points on the web of the whole bulkhead; points.py beside cell.yaml has written this file."
+        f"# {count} points on the web of the whole bulkhead; points.py beside cell.yaml has "
+        "written this file."
     )
     print(f"problem: thousand\ndomain: bulkhead\nobjects:\n  measurement: [p1..{count}]\nstatics:")
     for number, (x, y) in enumerate(points(count), 1):

@@ -11,7 +11,12 @@ from cellwright.engine.pipelines.inspection import nominal_values
 from cellwright.engine.pipelines.inspection.tour_demands import demand_findings
 from cellwright.engine.pipelines.planning.plan_files import generated_if_bare
 from cellwright.engine.plugins import geometry_backend
-from cellwright.engine.stages.grounding import default_instances, ground, reachable_atoms, reachable_operators
+from cellwright.engine.stages.grounding import (
+    default_instances,
+    ground,
+    reachable_atoms,
+    reachable_operators,
+)
 from cellwright.kb.check import check_domain, unreachable_operators
 from cellwright.kb.check.fault_base_check import check_faults
 from cellwright.kb.check.initial_states import warn_of_crowding, warn_of_unreachable_goals
@@ -47,7 +52,8 @@ class CheckReport:
 
 
 def check_domain_files(target: str, reach: bool = True) -> CheckReport:
-    """All errors in a problem, or in a domain and all its problems, and in the cell, fault base and contact model beside it.
+    """All errors in a problem, or in a domain and all its problems, and in the cell, fault base and
+    contact model beside it.
 
     With `reach`, places of the cell that no arm reaches are reported, too.
     """
@@ -81,7 +87,9 @@ def check_domain_files(target: str, reach: bool = True) -> CheckReport:
         for problem in problems
         for finding in (*demand_findings(problem), *nominal_values.nominal_findings(problem))
     ]
-    lost = [reduced for reduced, task in grounded if _starts_badly(reduced.problem, task, own, findings)]
+    lost = [
+        reduced for reduced, task in grounded if _starts_badly(reduced.problem, task, own, findings)
+    ]
     if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > len(lost):
         reached = frozenset[str]().union(*map(reachable_operators, tasks))
         findings += unreachable_operators(loaded.domain, reached, happening)
@@ -90,7 +98,9 @@ def check_domain_files(target: str, reach: bool = True) -> CheckReport:
         atoms = {atom for reduced, task in grounded for atom in reduced.told_of_all(task.atoms)}
         located = {place for problem in problems for place in _located_places(problem)}
         findings += _checked_cell(cell, loaded.domain, reach, atoms, located)
-        findings += [finding for finding in _checked_frame(loaded.domain) if finding not in findings]
+        findings += [
+            finding for finding in _checked_frame(loaded.domain) if finding not in findings
+        ]
     for name, checked in ((FAULTS_FILE, _checked_faults), (CONTACTS_FILE, _checked_contacts)):
         if loaded is not None and is_there(beside := Path(loaded.domain.path).with_name(name)):
             paths.append(beside)
@@ -102,7 +112,9 @@ def check_domain_files(target: str, reach: bool = True) -> CheckReport:
 
 
 def _is_unneeded(finding: Diagnostic) -> bool:
-    """Whether a warning says that this cell does not need all that a device of the engine can do, or has two of one kind."""
+    """Whether a warning says that this cell does not need all that a device of the engine can
+    do, or has two of one kind.
+    """
     if not finding.warning or finding.where.used is None or finding.code not in UNNEEDED:
         return False
     return Path(finding.where.path).is_relative_to(BUNDLED_DOMAINS / DEVICES_FOLDER)
@@ -111,7 +123,9 @@ def _is_unneeded(finding: Diagnostic) -> bool:
 def _starts_badly(
     problem: Problem, task: GroundTask, problems: Sequence[Problem], findings: list[Diagnostic]
 ) -> bool:
-    """Whether no goal can be reached from the initial state of a problem; everything wrong with that state is added."""
+    """Whether no goal can be reached from the initial state of a problem; everything wrong with
+    that state is added.
+    """
     findings += warn_of_crowding(problem, task.names(task.initial), default_instances(problem))
     reached = reachable_atoms(task)
     first = {stage_atom(chain, 1) for chain in problem.chains if chain.stages}
@@ -123,7 +137,11 @@ def _starts_badly(
 def _located_places(problem: Problem) -> Iterator[str]:
     """The places of measurements whose position is a fact of the problem."""
     words = problem.domain.conventions
-    return (words.place(str(fact.arguments[0])) for fact in problem.statics if fact.name == words.position)
+    return (
+        words.place(str(fact.arguments[0]))
+        for fact in problem.statics
+        if fact.name == words.position
+    )
 
 
 def _checked_cell(
@@ -142,7 +160,11 @@ def _checked_frame(domain: Domain) -> list[Diagnostic]:
     try:
         cell_points(domain)("")
     except InvalidInput as error:
-        return [diagnostic for diagnostic in error.diagnostics if diagnostic.where == domain.motion.where]
+        return [
+            diagnostic
+            for diagnostic in error.diagnostics
+            if diagnostic.where == domain.motion.where
+        ]
     return []
 
 
@@ -157,7 +179,9 @@ def _checked_faults(domain: Path) -> list[Diagnostic]:
 
 
 def _fault_effects(domain: Domain) -> frozenset[str]:
-    """The predicates that causes and repairs of the fault base beside a domain make true; none if it cannot be read."""
+    """The predicates that causes and repairs of the fault base beside a domain make true; none
+    if it cannot be read.
+    """
     path = Path(domain.path)
     try:
         model = load_faults(path)[0] if is_there(path.with_name(FAULTS_FILE)) else None
@@ -172,7 +196,9 @@ def _fault_effects(domain: Domain) -> frozenset[str]:
 
 
 def _checked_contacts(domain: Path) -> list[Diagnostic]:
-    """The errors in the contact model beside a domain, and whether its filters let the start pass."""
+    """The errors in the contact model beside a domain, and whether its filters let the start
+    pass.
+    """
     from cellwright.kb.loader.contacts import load_contacts
 
     try:

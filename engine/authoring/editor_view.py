@@ -1,7 +1,7 @@
 """What an editor shows of a domain being written: findings, its files, examples of its names.
 
-Texts that are not saved yet are read in place of their files. `quick` only loads what was edited; `thorough` checks the whole
-domain as the command line does.
+Texts that are not saved yet are read in place of their files. `quick` only loads what was edited;
+`thorough` checks the whole domain as the command line does.
 """
 
 import os
@@ -27,9 +27,11 @@ MAX_ATOMS = 20_000  # of a ground problem in which examples are looked for
 
 @dataclass(frozen=True, slots=True)
 class EditorFindings:
-    """What was found in a domain. `read` are the absolute paths of the files that were read, `complete` says that all were checked.
+    """What was found in a domain. `read` are the absolute paths of the files that were read,
+    `complete` says that all were checked.
 
-    `examples` has an instance for names of operators and predicates, `parameters` the types of the parameters of operators.
+    `examples` has an instance for names of operators and predicates, `parameters` the types of the
+    parameters of operators.
     """
 
     findings: tuple[Diagnostic, ...]
@@ -39,7 +41,9 @@ class EditorFindings:
     parameters: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
-def quick_findings(domain: str, edited: Iterable[str], unsaved: Mapping[str, str]) -> EditorFindings:
+def quick_findings(
+    domain: str, edited: Iterable[str], unsaved: Mapping[str, str]
+) -> EditorFindings:
     """The findings in the file of a domain and in those files of it that are edited."""
     findings: list[Diagnostic] = []
     with read_unsaved(unsaved) as desk:
@@ -51,8 +55,12 @@ def quick_findings(domain: str, edited: Iterable[str], unsaved: Mapping[str, str
     )
 
 
-def thorough_findings(domain: str, edited: Iterable[str], unsaved: Mapping[str, str]) -> EditorFindings:
-    """The findings of `cellwright check` in a domain, and in edited problems of it that lie elsewhere. Reach is not checked."""
+def thorough_findings(
+    domain: str, edited: Iterable[str], unsaved: Mapping[str, str]
+) -> EditorFindings:
+    """The findings of `cellwright check` in a domain, and in edited problems of it that lie
+    elsewhere. Reach is not checked.
+    """
     if Path(domain).name == DEVICE_FILE:
         return replace(quick_findings(domain, edited, unsaved), complete=True)
     with read_unsaved(unsaved) as desk:
@@ -66,7 +74,11 @@ def thorough_findings(domain: str, edited: Iterable[str], unsaved: Mapping[str, 
         )
         examples = _example_names(problem)
     return EditorFindings(
-        order_diagnostics(findings), tuple(desk.read), True, examples, _parameter_types(known_domain)
+        order_diagnostics(findings),
+        tuple(desk.read),
+        True,
+        examples,
+        _parameter_types(known_domain),
     )
 
 
@@ -142,19 +154,31 @@ def _load_problem(path: Path) -> Problem | None:
 
 
 def _example_names(problem: Problem | None) -> dict[str, str]:
-    """An instance of each operator, predicate and function that a problem knows. None if the problem cannot be grounded."""
+    """An instance of each operator, predicate and function that a problem knows.
+
+    None if the problem cannot be grounded.
+    """
     if problem is None:
         return {}
     try:
         task = ground(excerpt_problem(problem))
     except InvalidInput:
         return {}
-    steps = {operator.instance.name: str(operator.instance) for operator in reversed(task.operators)}
-    atoms = {atom.name: str(atom) for atom in reversed([*task.atoms[:MAX_ATOMS]]) if atom.name.isidentifier()}
+    steps = {
+        operator.instance.name: str(operator.instance) for operator in reversed(task.operators)
+    }
+    atoms = {
+        atom.name: str(atom)
+        for atom in reversed([*task.atoms[:MAX_ATOMS]])
+        if atom.name.isidentifier()
+    }
     facts = {atom.name: str(atom) for atom in reversed(problem.statics)}
     return {**facts, **atoms, **steps}
 
 
 def _parameter_types(domain: Domain | None) -> dict[str, dict[str, str]]:
     operators = domain.operators if domain is not None else ()
-    return {operator.name: {p.variable.name: p.type for p in operator.parameters} for operator in operators}
+    return {
+        operator.name: {p.variable.name: p.type for p in operator.parameters}
+        for operator in operators
+    }

@@ -14,7 +14,9 @@ LAYOUT_SUFFIXES = (".yaml", ".yml", ".lp")
 
 @dataclass(frozen=True, slots=True)
 class ArrangedFiles:
-    """The files whose form was changed (or would be), how many were looked at, and what is wrong in those that are broken."""
+    """The files whose form was changed (or would be), how many were looked at, and what is
+    wrong in those that are broken.
+    """
 
     changed: tuple[str, ...]
     looked_at: int
@@ -23,7 +25,8 @@ class ArrangedFiles:
 
 
 def arrange_files(paths: Iterable[Path], write: bool = True) -> ArrangedFiles:
-    """Give files their usual form; of folders, each file with a suffix of the language. With `write` off, nothing is written.
+    """Give files their usual form; of folders, each file with a suffix of the language. With
+    `write` off, nothing is written.
 
     A file is written beside itself and then put in its place, so that it is never half there.
     """
@@ -62,7 +65,9 @@ def _layout_files(path: Path, diagnostics: list[Diagnostic]) -> Iterator[Path]:
     )
     if not inside:
         message = f"no file in this folder ends with {', '.join(LAYOUT_SUFFIXES)}"
-        diagnostics.append(Diagnostic(Source(str(path)), "K401", message, "name the folder of a domain"))
+        diagnostics.append(
+            Diagnostic(Source(str(path)), "K401", message, "name the folder of a domain")
+        )
     yield from inside
 
 

@@ -34,8 +34,11 @@ DEVICE_DOMAIN_HEAD = """# yaml-language-server: $schema=schema/{kind}.schema.jso
 """
 
 
-def assemble_domain(folder: Path, name: str, devices: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """The files of a domain with these devices, by their path in the folder, and faults to try. Raises `InvalidInput`.
+def assemble_domain(
+    folder: Path, name: str, devices: Sequence[str]
+) -> tuple[dict[str, str], list[str]]:
+    """The files of a domain with these devices, by their path in the folder, and faults to try.
+    Raises `InvalidInput`.
 
     A gripper and a rack are added where something needs a hand or a place for the probes.
     """
@@ -53,7 +56,8 @@ def assemble_domain(folder: Path, name: str, devices: Sequence[str]) -> tuple[di
 
 
 def _number_uses(devices: Sequence[str]) -> dict[str, str]:
-    """The device of each use: the second furnace is called second_furnace, unless it is named (`oven=furnace`).
+    """The device of each use: the second furnace is called second_furnace, unless it is named
+    (`oven=furnace`).
 
     Raises `InvalidInput` if there are too many, or if two have one name.
     """
@@ -72,7 +76,11 @@ def _number_uses(devices: Sequence[str]) -> dict[str, str]:
         if count == len(ORDINAL_PREFIXES):
             hint = "write further ones into the domain: each has a name under `use:`"
             raise InvalidInput(
-                [Diagnostic(Source("--with"), "K406", f"more than {count} devices '{device_name}'", hint)]
+                [
+                    Diagnostic(
+                        Source("--with"), "K406", f"more than {count} devices '{device_name}'", hint
+                    )
+                ]
             )
         use_devices[ORDINAL_PREFIXES[count] + device_name] = device_name
     return use_devices
@@ -88,9 +96,12 @@ def _complete_uses(folder: Path, uses: dict[str, str]) -> dict[str, str]:
     ]
     if wrong:
         raise InvalidInput(wrong)
-    used = {device for used_device in uses.values() for device in _devices_used(used_device, all_known)}
+    used = {
+        device for used_device in uses.values() for device in _devices_used(used_device, all_known)
+    }
     added = ["measuring", "tool_rack"] if "measuring" in used else []
-    added += ["laser_tool"] if added and "laser_tool" not in used else []  # it finds a part that has moved
+    # it finds a part that has moved
+    added += ["laser_tool"] if added and "laser_tool" not in used else []
     if "holding" in used or not added:
         added += (
             []
@@ -103,11 +114,15 @@ def _complete_uses(folder: Path, uses: dict[str, str]) -> dict[str, str]:
 
 
 def _needs_bench(all_known: Mapping[str, DeviceHead], uses: Mapping[str, str]) -> bool:
-    """Whether something is worked on in a holder, and the only holders are shelves with one above the other."""
-    holders = [used_device for used_device in uses.values() if "holder" in all_known[used_device].offers]
-    return any("holder" in all_known[used_device].needs for used_device in uses.values()) and {*holders} <= {
-        "plate_hotel"
-    }
+    """Whether something is worked on in a holder, and the only holders are shelves with one
+    above the other.
+    """
+    holders = [
+        used_device for used_device in uses.values() if "holder" in all_known[used_device].offers
+    ]
+    return any("holder" in all_known[used_device].needs for used_device in uses.values()) and {
+        *holders
+    } <= {"plate_hotel"}
 
 
 def _devices_used(device: str, all_known: Mapping[str, DeviceHead]) -> Iterator[str]:
@@ -145,22 +160,33 @@ def _domain_text(folder: Path, name: str, uses: dict[str, str]) -> str:
 
 def _faults_text(name: str) -> str:
     fault_text = "# The devices say what can go wrong. Here comes what only this cell knows.\n"
-    return f"{DEVICE_DOMAIN_HEAD.format(kind='faults')}{fault_text}faults: {name}\nstop: 900                 # a person comes\n"
+    return (
+        f"{DEVICE_DOMAIN_HEAD.format(kind='faults')}{fault_text}faults: {name}\nstop: 900       "
+        "          # a person comes\n"
+    )
 
 
 def _problem_text(name: str, uses: Sequence[DeviceUse]) -> str:
-    """One probe goes through every device and back; a second one goes with it where two are needed."""
-    store = next((use.name for kind in STORE_DEVICES for use in uses if use.device.name == kind), "")
+    """One probe goes through every device and back; a second one goes with it where two are
+    needed.
+    """
+    store = next(
+        (use.name for kind in STORE_DEVICES for use in uses if use.device.name == kind), ""
+    )
     examples = sorted((use.example() for use in uses if use.name != store), key=_example_order)
     objects = [f"probe: [{', '.join(PROBE_NAMES)}]"] if store else []
     objects += _object_lines(_example_values(examples, "objects"))
-    homes = [f"own_depot({probe}, slot({store}, {n}))" for n, probe in enumerate(PROBE_NAMES, 1) if store]
+    homes = [
+        f"own_depot({probe}, slot({store}, {n}))" for n, probe in enumerate(PROBE_NAMES, 1) if store
+    ]
     return "\n".join(
         [
-            f"# yaml-language-server: $schema=../schema/problem.schema.json\nproblem: first\ndomain: {name}",
+            "# yaml-language-server: $schema=../schema/problem.schema.json\nproblem: "
+            f"first\ndomain: {name}",
             *_yaml_section("objects", [f"  {object_line}" for object_line in objects]),
             *_yaml_section(
-                "statics", _list_items(dict.fromkeys([*homes, *_example_values(examples, "static")]))
+                "statics",
+                _list_items(dict.fromkeys([*homes, *_example_values(examples, "static")])),
             ),
             *_yaml_section(
                 "initial",
@@ -204,7 +230,9 @@ def _yaml_section(name: str, lines: list[str]) -> list[str]:
 
 def _chain_lines(store: str, examples: Sequence[dict[str, str]]) -> Iterator[str]:
     first = _example_values(examples, "stage") or [f"at(P, slot({store}, 3))"]
-    together = _example_values([example for example in examples if example.get("probes") == "2"], "stage")
+    together = _example_values(
+        [example for example in examples if example.get("probes") == "2"], "stage"
+    )
     for probe, stages in zip(PROBE_NAMES, (first, together), strict=True):
         yield f"  - for: {{P: [{probe}]}}\n    stages: {', '.join([*stages, 'stored(P)'])}"
 
@@ -214,13 +242,19 @@ CELL_FOLDER = Path(__file__).with_name("starter") / "cell"
 
 
 def create_domain(folder: Path) -> list[Path]:
-    """Write a new domain into a new or empty folder and return the files written. Raises `InvalidInput`, `OSError`."""
+    """Write a new domain into a new or empty folder and return the files written.
+
+    Raises `InvalidInput`, `OSError`.
+    """
     _require_empty(folder)
-    return sorted([*_copy_folder(CELL_FOLDER, folder, _domain_name(folder)), *_complete_domain(folder)])
+    return sorted(
+        [*_copy_folder(CELL_FOLDER, folder, _domain_name(folder)), *_complete_domain(folder)]
+    )
 
 
 def create_with(folder: Path, devices: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Write a domain made of these devices into a new or empty folder. Returns its files, and faults to try.
+    """Write a domain made of these devices into a new or empty folder. Returns its files, and
+    faults to try.
 
     Raises `InvalidInput`, `OSError`.
     """
@@ -265,7 +299,10 @@ def _copy_folder(source: Path, target: Path, name: str) -> list[Path]:
             written += _copy_folder(entry, target / entry.name, name)
         else:
             text = re.sub(
-                r"^((?:domain|faults): )CELL$", rf"\g<1>{name}", entry.read_text("utf-8"), flags=re.MULTILINE
+                r"^((?:domain|faults): )CELL$",
+                rf"\g<1>{name}",
+                entry.read_text("utf-8"),
+                flags=re.MULTILINE,
             )
             (target / entry.name).write_text(text, "utf-8")
             written.append(target / entry.name)

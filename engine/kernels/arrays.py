@@ -20,11 +20,15 @@ Real: TypeAlias = "memoryview[float]"
 
 
 def refuse_unless(what: str, array: NDArray[Any], kind: type, shape: tuple[int, ...]) -> None:
-    """Raise `ValueError` unless an array has this kind of entries and this shape, row after row in memory."""
+    """Raise `ValueError` unless an array has this kind of entries and this shape, row after row
+    in memory.
+    """
     if array.shape != shape:
         raise ValueError(f"{what}: the array must have the shape {shape}, not {array.shape}")
     if array.dtype.type is not kind or not array.flags.c_contiguous:
-        raise ValueError(f"{what}: the array must be of {kind.__name__}, row after row, not {array.dtype}")
+        raise ValueError(
+            f"{what}: the array must be of {kind.__name__}, row after row, not {array.dtype}"
+        )
 
 
 def refuse_beyond(what: str, numbers: Longs, count: int) -> None:
@@ -34,10 +38,14 @@ def refuse_beyond(what: str, numbers: Longs, count: int) -> None:
 
 
 def whole(array: NDArray[Any]) -> Whole:
-    """The same array of whole numbers or truths, whose entries are read as numbers of Python: they never overflow."""
+    """The same array of whole numbers or truths, whose entries are read as numbers of Python:
+    they never overflow.
+    """
     return memoryview(cast(Any, array))
 
 
 def real(array: Floats) -> Real:
-    """The same array, whose entries are read as numbers of Python: a loop that is not compiled reads them faster."""
+    """The same array, whose entries are read as numbers of Python: a loop that is not compiled
+    reads them faster.
+    """
     return memoryview(cast(Any, array))

@@ -1,8 +1,11 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-"""The derived atoms of a state, layer by layer: the least fixpoint of the rules of a layer, then what is not in it.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False
+"""The derived atoms of a state, layer by layer: the least fixpoint of the rules of a layer, then
+what is not in it.
 
-Plain Python, compiled with the types in `axioms.pxd`. A state is a row of bytes, in which atom i is bit `i % 8` of byte
-`i // 8`. Each rule counts the conditions that are still missing, so that each is looked at once (Dowling & Gallier 1984).
+Plain Python, compiled with the types in `axioms.pxd`. A state is a row of bytes, in which atom i is
+bit `i % 8` of byte `i // 8`. Each rule counts the conditions that are still missing, so that each
+is looked at once (Dowling & Gallier 1984).
 """
 
 from array import array
@@ -14,9 +17,10 @@ from cellwright.engine.kernels.rows import rows
 class Closure:
     """The derived atoms that follow from the fluents of a state.
 
-    Rule r makes `heads[r]` true where all atoms in `bodies[r]` are; `layers[r]` counts from 0 and never falls. `negated` has
-    (atom, complementary atom) for each layer. `derived` are all derived atoms and their complementary atoms; `size` is the
-    number of atoms. After `close`, `by[atom]` is the rule that made a derived atom true.
+    Rule r makes `heads[r]` true where all atoms in `bodies[r]` are; `layers[r]` counts from 0 and
+    never falls. `negated` has (atom, complementary atom) for each layer. `derived` are all derived
+    atoms and their complementary atoms; `size` is the number of atoms. After `close`, `by[atom]` is
+    the rule that made a derived atom true.
     """
 
     def __init__(
@@ -109,10 +113,12 @@ class Closure:
 
 
 class Upkeep:
-    """The derived atoms of one state after another: only what follows from changed fluents is looked at again.
+    """The derived atoms of one state after another: only what follows from changed fluents is
+    looked at again.
 
-    Takes what `Closure` takes. The last state is kept; the next one may be any. In a layer without recursion an atom is true while
-    some rule misses nothing; a layer with recursion is computed anew where one of its rules begins or ceases to hold.
+    Takes what `Closure` takes. The last state is kept; the next one may be any. In a layer without
+    recursion an atom is true while some rule misses nothing; a layer with recursion is computed
+    anew where one of its rules begins or ceases to hold.
     """
 
     def __init__(
@@ -138,12 +144,16 @@ class Upkeep:
         self.atom_starts, self.atom_items = rows([[atom for atom, _ in pairs] for pairs in negated])
         _, self.other_items = rows([[other for _, other in pairs] for pairs in negated])
         recursive = {
-            layer for layer, body in zip(layers, bodies, strict=True) if any(a in own[layer] for a in body)
+            layer
+            for layer, body in zip(layers, bodies, strict=True)
+            if any(a in own[layer] for a in body)
         }
         self.recursive = array("i", [layer in recursive for layer in range(self.depth)])
         self.dirty = array("i", bytes(4 * self.depth))
         hidden = set(derived)
-        self.watched = array("i", [atom for atom in range(size) if users[atom] and atom not in hidden])
+        self.watched = array(
+            "i", [atom for atom in range(size) if users[atom] and atom not in hidden]
+        )
         self.mask = bytearray(self.width)
         for atom in derived:
             self.mask[atom >> 3] |= 1 << (atom & 7)
@@ -165,7 +175,9 @@ class Upkeep:
             if self.dirty[layer]:
                 self._settle(layer)
         for place in range(self.width):
-            after[place] = after[place] & (255 ^ self.mask[place]) | self.known[place] & self.mask[place]
+            after[place] = (
+                after[place] & (255 ^ self.mask[place]) | self.known[place] & self.mask[place]
+            )
 
     def _holds(self, atom: int) -> bool:
         return (self.known[atom >> 3] >> (atom & 7) & 1) != 0
@@ -193,7 +205,11 @@ class Upkeep:
         """Makes the atoms of a layer true or false, then the complementary ones."""
         for place in range(self.head_starts[layer], self.head_starts[layer + 1]):
             atom = self.head_items[place]
-            if self._holds(atom) if self.recursive[layer] else self._holds(atom) != (self.reasons[atom] > 0):
+            if (
+                self._holds(atom)
+                if self.recursive[layer]
+                else self._holds(atom) != (self.reasons[atom] > 0)
+            ):
                 self._flip(atom)
         if self.recursive[layer]:
             self._spread(layer)

@@ -1,7 +1,8 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
 """Sets of atoms as integer bitsets (bit i is atom i), and the atoms in them.
 
-Plain Python, compiled with the types in `bits.pxd`, because every stage of planning asks for the atoms in a set.
+Plain Python, compiled with the types in `bits.pxd`, because every stage of planning asks for the
+atoms in a set.
 """
 
 from collections.abc import Iterable

@@ -1,9 +1,11 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False
 """How a search is stopped early: by Ctrl-C, a request to terminate, or a time limit.
 
-Whoever starts a search gives it an `Interrupted`: a function that says whether to stop. Loops of Python call it. Compiled
-loops ask a `Poll`, which counts their work and calls the function a thousand times per second at most. Python handles
-signals only while Python code runs, so that Ctrl-C is heard in a compiled loop exactly when the function is called.
+Whoever starts a search gives it an `Interrupted`: a function that says whether to stop. Loops of
+Python call it. Compiled loops ask a `Poll`, which counts their work and calls the function a
+thousand times per second at most. Python handles signals only while Python code runs, so that
+Ctrl-C is heard in a compiled loop exactly when the function is called.
 """
 
 from collections.abc import Callable
@@ -22,8 +24,8 @@ def never() -> bool:
 class Poll:
     """Counts the work of compiled loops and asks now and then whether to stop.
 
-    Once `stopped`, it stays so. What the function raised is kept, since not every loop passes on an exception:
-    `check` raises it.
+    Once `stopped`, it stays so. What the function raised is kept, since not every loop passes on an
+    exception: `check` raises it.
     """
 
     def __init__(self, interrupted: Interrupted = never, every: int = EVERY) -> None:

@@ -1,6 +1,7 @@
 """Small linear algebra with the same bits on every processor.
 
-Libraries for matrices choose other code for another processor, which rounds in another way; so none of them is asked.
+Libraries for matrices choose other code for another processor, which rounds in another way; so none
+of them is asked.
 """
 
 import math
@@ -11,7 +12,9 @@ from cellwright.engine.kernels.arrays import Floats
 
 
 def matmul(first: Floats, *others: Floats) -> Floats:
-    """The product of matrices (..., m, k), (..., k, n), and so on, or of vectors where one has a single axis."""
+    """The product of matrices (..., m, k), (..., k, n), and so on, or of vectors where one has
+    a single axis.
+    """
     product = first
     for factor in others:
         if product.ndim == 1 or factor.ndim == 1:
@@ -34,7 +37,9 @@ def norm(vector: Floats) -> float:
 
 
 def solve_positive_definite(matrix: Floats, right: Floats) -> Floats:
-    """x (..., n) with A x = b for positive definite matrices A (..., n, n) and b (..., n), by elimination."""
+    """x (..., n) with A x = b for positive definite matrices A (..., n, n) and b (..., n), by
+    elimination.
+    """
     eliminated, solution = np.array(matrix, dtype=float), np.array(right, dtype=float)
     size = solution.shape[-1]
     for n in range(size):

@@ -20,7 +20,9 @@ def translation(x: float, y: float, z: float) -> Floats:
 
 
 def rotation(axis: tuple[float, float, float] | Floats, angle_rad: float | Floats) -> Floats:
-    """Rotation matrices (..., 3, 3) about a unit vector (3,) by angles (...), by the formula of Rodrigues."""
+    """Rotation matrices (..., 3, 3) about a unit vector (3,) by angles (...), by the formula of
+    Rodrigues.
+    """
     s, c = sines_cosines(np.asarray(angle_rad, dtype=float)[..., None, None])
     x, y, z = np.asarray(axis, dtype=float)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -56,9 +58,12 @@ def difference(T_a_b: Floats, T_a_c: Floats) -> tuple[Floats, Floats]:
 
 
 def rotation_vector(R: Floats) -> Floats:
-    """Axis times angle (..., 3) of rotations (..., 3, 3); exact to rounding for small and moderate angles."""
+    """Axis times angle (..., 3) of rotations (..., 3, 3); exact to rounding for small and
+    moderate angles.
+    """
     skew = np.stack(
-        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1
+        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]],
+        axis=-1,
     )
     sine = np.linalg.norm(skew, axis=-1) / 2.0
     cosine = (np.trace(R, axis1=-2, axis2=-1) - 1.0) / 2.0
@@ -70,7 +75,9 @@ def rotation_vector(R: Floats) -> Floats:
 
 
 def _half_turn(R: Floats) -> Floats:
-    """The rotation vector when the angle is pi: the column of (R + 1) / 2 with the largest diagonal, normalised."""
+    """The rotation vector when the angle is pi: the column of (R + 1) / 2 with the largest
+    diagonal, normalised.
+    """
     square = (R + np.eye(3)) / 2.0
     largest = np.argmax(np.diagonal(square, axis1=-2, axis2=-1), axis=-1)
     column = np.take_along_axis(square, largest[..., None, None], axis=-1)[..., 0]

@@ -1,9 +1,11 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
-"""Sums of numbers that are compared with 0, and how often a step must be repeated until a comparison holds.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
+"""Sums of numbers that are compared with 0, and how often a step must be repeated until a
+comparison holds.
 
-Plain Python, compiled with the types in `sums.pxd`. Comparison i belongs to atom `atoms[i]`; where it is false, the atom
-`others[i]` is true (-1: there is none). A set of atoms is a row of bytes, in which atom j is bit `j % 8` of byte `j // 8`.
+Plain Python, compiled with the types in `sums.pxd`. Comparison i belongs to atom `atoms[i]`; where
+it is false, the atom `others[i]` is true (-1: there is none). A set of atoms is a row of bytes, in
+which atom j is bit `j % 8` of byte `j // 8`.
 """
 
 from array import array
@@ -16,7 +18,9 @@ MOST = 1 << 40
 
 
 class Comparisons:
-    """Comparison i holds if constants[i] plus the sum of factor * value over `parts[i]`, as (place of the value, factor), does so."""
+    """Comparison i holds if constants[i] plus the sum of factor * value over `parts[i]`, as
+    (place of the value, factor), does so.
+    """
 
     def __init__(
         self,
@@ -44,7 +48,9 @@ class Comparisons:
         self.add(values)
         for index in range(self.count):
             atom = (
-                self.atoms[index] if _holds(self.totals[index], self.relations[index]) else self.others[index]
+                self.atoms[index]
+                if _holds(self.totals[index], self.relations[index])
+                else self.others[index]
             )
             if atom >= 0:
                 found[atom >> 3] |= 1 << (atom & 7)
@@ -56,7 +62,9 @@ class Comparisons:
             self.totals[index] = self._total(index, values)
 
     def look(self, index: int, values: "memoryview[int]", atoms: bytearray) -> None:
-        """Sets the atom of one comparison in a row of bytes, and its other atom, as the values are."""
+        """Sets the atom of one comparison in a row of bytes, and its other atom, as the values
+        are.
+        """
         held = _holds(self._total(index, values), self.relations[index])
         _put(atoms, self.atoms[index], held)
         _put(atoms, self.others[index], not held)
@@ -91,7 +99,8 @@ def _holds(total: int, relation: int) -> bool:
 
 
 class Repetitions:
-    """Repetition i: a step of the cost `costs[i]` adds gains[i] to the sum of comparison tests[i], until `relations[i]` holds.
+    """Repetition i: a step of the cost `costs[i]` adds gains[i] to the sum of comparison tests[i],
+    until `relations[i]` holds.
 
     A gain of 0 stands for an amount that differs from state to state: one step is taken to do.
     """
@@ -110,7 +119,9 @@ class Repetitions:
         self.found = array("q", bytes(8 * max(self.count, 1)))
 
     def needed(self, values: "array[int] | memoryview[int]") -> "array[int]":
-        """The cost of as many steps as each repetition needs; NEVER if no number of them is enough."""
+        """The cost of as many steps as each repetition needs; NEVER if no number of them is
+        enough.
+        """
         found = self.found
         self.comparisons.add(values)
         for index in range(self.count):
@@ -122,7 +133,9 @@ class Repetitions:
 
 
 def _times(total: int, relation: int, gain: int) -> int:
-    """How many steps a sum needs until it compares with 0 as wanted, at least 1; -1 if they lead away from it."""
+    """How many steps a sum needs until it compares with 0 as wanted, at least 1; -1 if they
+    lead away from it.
+    """
     if gain == 0 or relation == DIFFERENT or _holds(total, relation):
         return 1
     if relation == LESS:

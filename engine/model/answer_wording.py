@@ -17,17 +17,23 @@ def step_purposes(problem: Problem, plan: Plan) -> dict[StepId, dict[str, list[s
     purposes_by_step: dict[StepId, dict[str, list[str]]] = {}
     for link in plan.links:
         consumer = "goal" if link.consumer == GOAL_STEP else str(link.consumer)
-        consumers = purposes_by_step.setdefault(link.producer, {}).setdefault(say(link.condition), [])
+        consumers = purposes_by_step.setdefault(link.producer, {}).setdefault(
+            say(link.condition), []
+        )
         if consumer not in consumers:
             consumers.append(consumer)
     return purposes_by_step
 
 
 def condition_wording(problem: Problem | None) -> Callable[[Atom], str]:
-    """The wording of each condition: a stage of the workflow as its own atom, `not p` for `not(p)`."""
+    """The wording of each condition: a stage of the workflow as its own atom, `not p` for
+    `not(p)`.
+    """
     chains = problem.chains if problem else ()
     stages = {stage_atom(c, n): str(stage) for c in chains for n, stage in enumerate(c.stages, 1)}
-    stages |= {stage_atom(chain, 0): f"before {chain.stages[0]}" for chain in chains if chain.stages}
+    stages |= {
+        stage_atom(chain, 0): f"before {chain.stages[0]}" for chain in chains if chain.stages
+    }
 
     def say(condition: Atom) -> str:
         return stages.get(condition) or plain_condition(condition)

@@ -1,4 +1,6 @@
-"""Poses of an arm for a measurement: the configurations in which it takes it, or why there is none."""
+"""Poses of an arm for a measurement: the configurations in which it takes it, or why there is
+none.
+"""
 
 from dataclasses import dataclass
 
@@ -10,13 +12,16 @@ Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasurementPoses:
-    """The configurations in which an arm takes a measurement from a station, with a tool; or why there is none.
+    """The configurations in which an arm takes a measurement from a station, with a tool; or why
+    there is none.
 
-    `straight` are the ways (m, k) from free space into the pose, the preferred ones first: the last row of each is the pose,
-    the first the approach point. `tilt_rad` is the angle to the normal. `patch` is where a scanner looks in its picture, from where it sees
-    the point. `sigma_m` is the standard deviation that is to be expected of the surface's distance there, from the first pose; 0: not known.
-    `boxes` hold everything that the arm and its tool can touch in the configurations that the answer rests on, one box for each
-    of the arm's links that move. `own` and `near` are digests: of the arm, the tool and the place, and of the bodies in the boxes.
+    `straight` are the ways (m, k) from free space into the pose, the preferred ones first: the last
+    row of each is the pose, the first the approach point. `tilt_rad` is the angle to the normal.
+    `patch` is where a scanner looks in its picture, from where it sees the point. `sigma_m` is the
+    standard deviation that is to be expected of the surface's distance there, from the first pose;
+    0: not known. `boxes` hold everything that the arm and its tool can touch in the configurations
+    that the answer rests on, one box for each of the arm's links that move. `own` and `near` are
+    digests: of the arm, the tool and the place, and of the bodies in the boxes.
     """
 
     measurement: str

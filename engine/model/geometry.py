@@ -1,8 +1,8 @@
 """Geometry: joints, convex pieces, collision scenes, contacts, and surfaces of parts.
 
-Metres, radians. Frames that move are called carriers. Carrier 0 is the world; carrier i (1..k) is the frame
-that joint i-1 moves. Every piece is fixed in one carrier. So one kind of scene serves for one arm, several
-arms, and bodies that move freely.
+Metres, radians. Frames that move are called carriers. Carrier 0 is the world; carrier i (1..k) is
+the frame that joint i-1 moves. Every piece is fixed in one carrier. So one kind of scene serves for
+one arm, several arms, and bodies that move freely.
 """
 
 from dataclasses import dataclass, field
@@ -34,10 +34,11 @@ class Joints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConvexPiece:
-    """A convex piece: all points within `radius_m` of the hull of `vertices` (n, 3), given in its own frame.
+    """A convex piece: all points within `radius_m` of the hull of `vertices` (n, 3), given in its
+    own frame.
 
-    `body` is the name that people use. `T_carrier_piece` (4, 4) is its pose in carrier `carrier`. With `box`
-    the vertices are those of a block about the origin, with edges along the axes.
+    `body` is the name that people use. `T_carrier_piece` (4, 4) is its pose in carrier `carrier`.
+    With `box` the vertices are those of a block about the origin, with edges along the axes.
     """
 
     body: str
@@ -50,7 +51,8 @@ class ConvexPiece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollisionScene:
-    """Everything that can touch: joints, pieces, and the pairs of pieces (m, 2) that must not touch.
+    """Everything that can touch: joints, pieces, and the pairs of pieces (m, 2) that must not
+    touch.
 
     A free scene has no joints and one moving carrier (number 1). Its pose is given in place of a
     configuration.
@@ -72,9 +74,9 @@ class CollisionScene:
 class Contact:
     """The nearest (or deepest) points of two bodies in the world frame.
 
-    `distance_m` is negative if the bodies overlap: then `-distance_m` is the shortest displacement that
-    separates them. It is along `normal`, the unit vector from the first body to the second. `point_first` and
-    `point_second` (3,) lie on the surfaces of the bodies.
+    `distance_m` is negative if the bodies overlap: then `-distance_m` is the shortest displacement
+    that separates them. It is along `normal`, the unit vector from the first body to the second.
+    `point_first` and `point_second` (3,) lie on the surfaces of the bodies.
     """
 
     first: str
@@ -94,8 +96,8 @@ class Contact:
 class Facet:
     """A plane piece of a surface: the points x with normal . x = offset, inside the `edges`.
 
-    `edges` (e, 2, 3) run counter-clockwise seen from outside; those around a hole run the other way. `convex` (e,) says
-    where the next facet falls back.
+    `edges` (e, 2, 3) run counter-clockwise seen from outside; those around a hole run the other
+    way. `convex` (e,) says where the next facet falls back.
     """
 
     name: str
@@ -107,7 +109,9 @@ class Facet:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solid:
-    """A part's surface in its own frame: corners (m, 3, 3) of triangles, and the number of each one's facet (m,)."""
+    """A part's surface in its own frame: corners (m, 3, 3) of triangles, and the number of each
+    one's facet (m,).
+    """
 
     name: str
     corners: Floats

@@ -1,7 +1,8 @@
 """Quantities and derived atoms of a ground task: sums, comparisons, axioms in layers.
 
-An atom may depend on others of its own layer, but needs only those of earlier layers to be false (Apt, Blair & Walker 1988).
-A state is `closed` if exactly those derived atoms are in it that follow from its fluents.
+An atom may depend on others of its own layer, but needs only those of earlier layers to be false
+(Apt, Blair & Walker 1988). A state is `closed` if exactly those derived atoms are in it that follow
+from its fluents.
 """
 
 from array import array
@@ -42,7 +43,8 @@ def never_holds(relation: str, low: int, high: int) -> bool:
             return low > 0 or (relation == "<" and low == 0)
 
 
-Met = dict[int, tuple[int, int]]  # for the atom of each value: the number of its quantity, and the value
+# for the atom of each value: the number of its quantity, and the value
+Met = dict[int, tuple[int, int]]
 UNBOUNDED_VALUE = 1 << 62  # more than any value
 
 
@@ -50,7 +52,8 @@ UNBOUNDED_VALUE = 1 << 62  # more than any value
 class QuantityLevel:
     """One quantity, from `low` to `high`: the one with `number` among those of its task.
 
-    It appends the atoms of the values that are met to `names`, the atoms of the task, and notes them in `met`.
+    It appends the atoms of the values that are met to `names`, the atoms of the task, and notes
+    them in `met`.
     """
 
     quantity: Function
@@ -68,7 +71,9 @@ class QuantityLevel:
         if value not in self._bits:
             bit = self._bits[value] = 1 << len(self.names)
             self.met[len(self.names)] = (self.number, value)
-            self.names.append(Function(self.quantity.name, (*self.quantity.arguments, Number(value))))
+            self.names.append(
+                Function(self.quantity.name, (*self.quantity.arguments, Number(value)))
+            )
             self._values[bit] = value
             self.mask |= bit
         return self._bits[value]
@@ -104,7 +109,9 @@ class Linear:
     def range(self) -> tuple[int, int]:
         """The least and the greatest value within the ranges of the quantities."""
         ends = [sorted((factor * level.low, factor * level.high)) for level, factor in self.parts]
-        return self.constant + sum(low for low, _ in ends), self.constant + sum(high for _, high in ends)
+        return self.constant + sum(low for low, _ in ends), self.constant + sum(
+            high for _, high in ends
+        )
 
 
 @dataclass(frozen=True)
@@ -121,7 +128,9 @@ class Comparing:
 
     @property
     def settled(self) -> bool | None:
-        """Whether it is always true, or never, within the ranges of the quantities; None if values decide."""
+        """Whether it is always true, or never, within the ranges of the quantities; None if
+        values decide.
+        """
         ends = self.sum.range()
         return (
             False
@@ -146,7 +155,9 @@ class Comparing:
         if not factor or not (up or down):
             return False, False
         rises, falls = self.relation in (">", ">="), self.relation in ("<", "<=")
-        return (up if rises else down if falls else True), (down if rises else up if falls else True)
+        return (up if rises else down if falls else True), (
+            down if rises else up if falls else True
+        )
 
 
 def values_of(state: Bits, met: Met, count: int) -> "array[int]":
@@ -177,9 +188,13 @@ def apply_changes(state: Bits, before: Bits, changes: tuple[QuantityAssignment, 
 
 
 def helped_atoms(
-    changes: tuple[QuantityAssignment, ...], tests: tuple[Comparing, ...], complements: Mapping[int, int]
+    changes: tuple[QuantityAssignment, ...],
+    tests: tuple[Comparing, ...],
+    complements: Mapping[int, int],
 ) -> Bits:
-    """The derived atoms that changes may make true, at once or in time, with complementary atoms."""
+    """The derived atoms that changes may make true, at once or in time, with complementary
+    atoms.
+    """
     helped = 0
     for change in changes:
         for test in tests:
@@ -208,8 +223,9 @@ class GroundAxiom:
 class Axioms:
     """The derived atoms of a task with `size` atoms.
 
-    `layers` has the layer of each derived atom: atoms that depend on one another have the same one. `rules` are in the order of the layers of their heads. `complements` leads
-    from each atom that has a complementary atom to it; those of derived atoms are derived, too.
+    `layers` has the layer of each derived atom: atoms that depend on one another have the same one.
+    `rules` are in the order of the layers of their heads. `complements` leads from each atom that
+    has a complementary atom to it; those of derived atoms are derived, too.
     """
 
     size: int
@@ -248,7 +264,9 @@ class Axioms:
         return self.read_by_rules & ~self.derived
 
     def may_change(self, moved: Bits) -> bool:
-        """Whether derived atoms depend on one of these atoms, which became true or false; values of quantities come last."""
+        """Whether derived atoms depend on one of these atoms, which became true or false;
+        values of quantities come last.
+        """
         return bool(moved & self.read or (self.tests and moved >> self.size))
 
     @cached_property
@@ -278,7 +296,9 @@ class Axioms:
         return Upkeep(*self._compiled())
 
     def _compiled(self) -> Compiled:
-        negated: list[list[tuple[int, int]]] = [[] for _ in range(1 + max(self.layers.values(), default=0))]
+        negated: list[list[tuple[int, int]]] = [
+            [] for _ in range(1 + max(self.layers.values(), default=0))
+        ]
         for atom, layer in self.layers.items():
             if atom in self.complements:
                 negated[layer].append((atom, self.complements[atom]))
@@ -290,7 +310,9 @@ class Axioms:
     @cached_property
     def comparisons(self) -> Comparisons:
         """The comparisons of quantities as a compiled kernel, in the order of `tests`."""
-        parts = [[(level.number, factor) for level, factor in test.sum.parts] for test in self.tests]
+        parts = [
+            [(level.number, factor) for level, factor in test.sum.parts] for test in self.tests
+        ]
         relations = [COMPARISON_SIGNS.index(test.relation) for test in self.tests]
         atoms = [test.atom for test in self.tests]
         others = [self.complements.get(atom, -1) for atom in atoms]
@@ -310,7 +332,9 @@ class Axioms:
         return values_of(state, self._met, self._quantities)
 
     def helps(self, changes: tuple[QuantityAssignment, ...]) -> Bits:
-        """The comparisons that changes of quantities may make true, and those that they may make false."""
+        """The comparisons that changes of quantities may make true, and those that they may
+        make false.
+        """
         return helped_atoms(changes, self.tests, self.complements) if changes else 0
 
     def closed(self, state: Bits) -> Bits:
@@ -325,7 +349,9 @@ class Axioms:
         return int.from_bytes(self.closure.close(state.to_bytes(self._width, "little")), "little")
 
     def support(self, state: Bits, conditions: Bits) -> Bits:
-        """Fluents of a closed state which make its atoms `conditions` true in every state that has these fluents."""
+        """Fluents of a closed state which make its atoms `conditions` true in every state that
+        has these fluents.
+        """
         self.closed(state)
         by = self.closure.by
         support, seen, waiting = 0, 0, conditions
@@ -351,7 +377,8 @@ class Axioms:
         return self._tested[atom if atom in self._tested else self.opposite[atom]]
 
     def _broken(self, complement: int, state: Bits, given: Bits) -> Bits:
-        """What is true in a state and breaks every rule of the derived atom with a complementary atom.
+        """What is true in a state and breaks every rule of the derived atom with a complementary
+        atom.
 
         What is `given` anyway is preferred, then fluents.
         """
@@ -365,10 +392,12 @@ class Axioms:
 
 
 def relax_axioms(axioms: Axioms, first: int) -> Iterator[tuple[Bits, Bits, bool]]:
-    """What derived atoms follow from if nothing ever becomes false: (conditions, what they make true, whether for certain).
+    """What derived atoms follow from if nothing ever becomes false: (conditions, what they make
+    true, whether for certain).
 
-    A derived atom is false where each of its rules is broken. Whether a rule is broken are new atoms from `first` on. A rule
-    that needs an atom of its own layer is taken as broken: this may be wrong, so that the atom is not false for certain.
+    A derived atom is false where each of its rules is broken. Whether a rule is broken are new
+    atoms from `first` on. A rule that needs an atom of its own layer is taken as broken: this may
+    be wrong, so that the atom is not false for certain.
     """
     for rule in axioms.rules:
         yield rule.body, 1 << rule.head, True

@@ -12,7 +12,9 @@ from cellwright.engine.kernels.arrays import Floats, Truths
 
 
 class FeatureKind(Enum):
-    """What a feature is geometrically: a face lies in a plane; edges and axes lie on lines; vertices and centres are points."""
+    """What a feature is geometrically: a face lies in a plane; edges and axes lie on lines;
+    vertices and centres are points.
+    """
 
     PLANE = "plane"
     LINE = "line"
@@ -36,8 +38,8 @@ class RelationKind(Enum):
 class PartFeature:
     """A feature in the frame of its part.
 
-    It passes through `point` (3,). `direction` (3,) is the unit vector of a line, or the outward normal of a plane; zero for
-    a point.
+    It passes through `point` (3,). `direction` (3,) is the unit vector of a line, or the outward
+    normal of a plane; zero for a point.
     """
 
     part: str
@@ -69,9 +71,11 @@ class Relation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Freedom:
-    """A way in which a part may still move in the base's frame: `pitch_m` metres along a line for each radian about it.
+    """A way in which a part may still move in the base's frame: `pitch_m` metres along a line for
+    each radian about it.
 
-    The line has a unit `direction` (3,) and passes through `point` (3,). A pitch of 0 is a turn, an infinite one a slide.
+    The line has a unit `direction` (3,) and passes through `point` (3,). A pitch of 0 is a turn, an
+    infinite one a slide.
     """
 
     part: str
@@ -84,10 +88,10 @@ class Freedom:
 class Assembled:
     """Poses T_base_part (4, 4) with which all relations hold.
 
-    `degrees` counts how many numbers are still free, for all parts together; `freedoms` lists the ways of each part.
-    `redundant` can all be left out, and nothing changes. `others` are further solutions, none reached from another by the
-    free numbers; each is a mapping as `poses`. `residual` is what the worst equation lacks, with lengths over the size of
-    the parts.
+    `degrees` counts how many numbers are still free, for all parts together; `freedoms` lists the
+    ways of each part. `redundant` can all be left out, and nothing changes. `others` are further
+    solutions, none reached from another by the free numbers; each is a mapping as `poses`.
+    `residual` is what the worst equation lacks, with lengths over the size of the parts.
     """
 
     poses: Mapping[str, Floats]
@@ -112,8 +116,9 @@ AssemblyAnswer: TypeAlias = Assembled | RelationContradiction
 class _Fingers:
     """What hands have in common: fingers, and behind them a cross-piece and a force sensor.
 
-    The tips are square pads of side `pad_m`; fingers are `finger_m` long, and as thick as `thick_m` in the closing direction.
-    `cross_m` and `sensor_m` are extents along x, y and z. `friction` and `force_n` are those of each pad.
+    The tips are square pads of side `pad_m`; fingers are `finger_m` long, and as thick as `thick_m`
+    in the closing direction. `cross_m` and `sensor_m` are extents along x, y and z. `friction` and
+    `force_n` are those of each pad.
     """
 
     opening_m: float
@@ -132,7 +137,9 @@ class ParallelJaws(_Fingers):
     """A gripper with two parallel fingers, all of its parts blocks."""
 
     def blocks(self, opening: Sequence[float]) -> tuple[Floats, Floats]:
-        """Middles (4, 3) and half extents (4, 3) of the fingers, cross-piece and sensor, opened for a width and a clearance."""
+        """Middles (4, 3) and half extents (4, 3) of the fingers, cross-piece and sensor, opened
+        for a width and a clearance.
+        """
         half, pad = opening[0] / 2 + self.clearance_m + self.thick_m / 2, self.pad_m / 2
         back = pad - self.finger_m
         finger = (self.thick_m / 2, pad, self.finger_m / 2)
@@ -148,16 +155,20 @@ class ParallelJaws(_Fingers):
 
 @dataclass(frozen=True, slots=True)
 class ThreeFingers(_Fingers):
-    """A hand with a palm and three round fingers of diameter `thick_m` that close one by one, as Barrett's.
+    """A hand with a palm and three round fingers of diameter `thick_m` that close one by one, as
+    Barrett's.
 
-    One finger comes from -x. The others stand `thick_m` to both sides of the x axis and come from +x, each turned outwards by the
-    spread: at 0 they are parallel, at 60 degrees all three come from evenly around. Otherwise it is as `ParallelJaws`.
+    One finger comes from -x. The others stand `thick_m` to both sides of the x axis and come from
+    +x, each turned outwards by the spread: at 0 they are parallel, at 60 degrees all three come
+    from evenly around. Otherwise it is as `ParallelJaws`.
     """
 
     spreads_rad: tuple[float, ...] = tuple(math.radians(degrees) for degrees in (0, 15, 30, 45, 60))
 
     def ways(self, spread_rad: float) -> tuple[Floats, Floats]:
-        """Where the fingers' ways begin (3, 2), and the outward directions (3, 2) in which they open, in the plane of x and y."""
+        """Where the fingers' ways begin (3, 2), and the outward directions (3, 2) in which they
+        open, in the plane of x and y.
+        """
         c, s = math.cos(spread_rad), math.sin(spread_rad)
         begins = np.array([(0.0, 0.0), (0.0, self.thick_m), (0.0, -self.thick_m)])
         return begins, np.array([(-1.0, 0.0), (c, s), (c, -s)])
@@ -168,7 +179,10 @@ class ThreeFingers(_Fingers):
         `opening` is the width, the way of each finger (m) and the spread (rad).
         """
         begins, outwards = self.ways(opening[4])
-        tips = begins + outwards * (np.array(opening[1:4]) + self.clearance_m + self.thick_m / 2)[:, None]
+        tips = (
+            begins
+            + outwards * (np.array(opening[1:4]) + self.clearance_m + self.thick_m / 2)[:, None]
+        )
         back = self.pad_m / 2 - self.finger_m
         fingers = np.column_stack([tips, np.full(3, self.pad_m / 2 - self.finger_m / 2)])
         palm = [
@@ -182,11 +196,13 @@ class ThreeFingers(_Fingers):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grasp:
-    """Two parallel facets held at opposite points, about whose line the hand may turn; or three facets, held by three fingers.
+    """Two parallel facets held at opposite points, about whose line the hand may turn; or three
+    facets, held by three fingers.
 
-    `T_part_hand` (n, 4, 4) are the hand's poses at the turns that were looked at, evenly spread over a whole turn, and `free`
-    (n,) says at which the hand touches nothing but the two facets. `torque_margin` is the torque that the pads hold over that
-    of the weight, at its worst; of three fingers, how many times the weight they hold, whichever way it pulls.
+    `T_part_hand` (n, 4, 4) are the hand's poses at the turns that were looked at, evenly spread
+    over a whole turn, and `free` (n,) says at which the hand touches nothing but the two facets.
+    `torque_margin` is the torque that the pads hold over that of the weight, at its worst; of three
+    fingers, how many times the weight they hold, whichever way it pulls.
     """
 
     facets: tuple[str, ...]
@@ -198,15 +214,19 @@ class Grasp:
 
     @property
     def opening(self) -> tuple[float, ...]:
-        """How the hand is opened: the width, and what three fingers have beside it (`ThreeFingers.blocks`)."""
+        """How the hand is opened: the width, and what three fingers have beside it
+        (`ThreeFingers.blocks`).
+        """
         return (self.width_m, *self.fingers)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TablePlacement:
-    """A way in which a part lies on a table: `T_table_part` (4, 4) up to turns about the vertical and shifts.
+    """A way in which a part lies on a table: `T_table_part` (4, 4) up to turns about the vertical
+    and shifts.
 
-    Its middle is above the origin. `margin_m` is how far the centre of mass is inside the edge over which it would tip.
+    Its middle is above the origin. `margin_m` is how far the centre of mass is inside the edge over
+    which it would tip.
     """
 
     facet: str
@@ -216,7 +236,9 @@ class TablePlacement:
 
 @dataclass(frozen=True, slots=True)
 class Regrasps:
-    """How a part gets from start to goal: the number of the first hold, then each placement and the hold that follows it."""
+    """How a part gets from start to goal: the number of the first hold, then each placement and
+    the hold that follows it.
+    """
 
     first: int
     then: tuple[tuple[int, int], ...]
@@ -224,7 +246,9 @@ class Regrasps:
 
 @dataclass(frozen=True, slots=True)
 class Unplaceable:
-    """No sequence of placements leads to the goal: from the start `reached` holds can be had, and none of `needed` is one."""
+    """No sequence of placements leads to the goal: from the start `reached` holds can be had,
+    and none of `needed` is one.
+    """
 
     reached: tuple[int, ...]
     needed: tuple[int, ...]
@@ -235,14 +259,18 @@ RegraspAnswer: TypeAlias = Regrasps | Unplaceable
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandApproach:
-    """A way of the hand in the grasp plane: poses (n, 3) as y, z and the turn about the closing direction."""
+    """A way of the hand in the grasp plane: poses (n, 3) as y, z and the turn about the closing
+    direction.
+    """
 
     poses: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoApproach:
-    """There is none, as `reason` tells; `reached` (3,) is where the search ended nearest to the grasp."""
+    """There is none, as `reason` tells; `reached` (3,) is where the search ended nearest to the
+    grasp.
+    """
 
     reason: str
     reached: Floats

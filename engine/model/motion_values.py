@@ -18,8 +18,9 @@ FINEST_M = 1e-4  # a motion so small need not be halved for a proof
 class Strategy(StrEnum):
     """How a path is looked for.
 
-    `connect` grows two trees through all joints. `visibility` goes along lines of sight with the hand, and then has the links
-    follow. `reduced` plans for the first three joints, with a box around everything beyond them.
+    `connect` grows two trees through all joints. `visibility` goes along lines of sight with the
+    hand, and then has the links follow. `reduced` plans for the first three joints, with a box
+    around everything beyond them.
     """
 
     CONNECT = "connect"
@@ -31,10 +32,11 @@ class Strategy(StrEnum):
 class PathQuery:
     """A motion from `start` (k,) to any of the `goals` (n, k).
 
-    Lines are looked at every `step` (rad, m); nothing may come within `margin_m`. `seed` decides the samples. The work is
-    bounded by `budget`, the configurations looked at, and by `bridges`, the short cuts that are tried. `moving` numbers the
-    joints that may move; all may if none is given. `strategy` says how the path is looked for. If `upright_rad`
-    is above 0, what is upright in hand at the start tilts by no more than that.
+    Lines are looked at every `step` (rad, m); nothing may come within `margin_m`. `seed` decides
+    the samples. The work is bounded by `budget`, the configurations looked at, and by `bridges`,
+    the short cuts that are tried. `moving` numbers the joints that may move; all may if none is
+    given. `strategy` says how the path is looked for. If `upright_rad` is above 0, what is upright
+    in hand at the start tilts by no more than that.
     """
 
     start: Floats
@@ -54,9 +56,9 @@ class PathQuery:
 class Moved:
     """A path (m, k) to goal number `goal`.
 
-    `proved` says whether it is free everywhere, not only where it was looked at. `looked` counts the configurations that the
-    search and the short cuts looked at, `stretches` those of the proof, of which `refined` were halved. `cleared_m` is the
-    margin that the last search kept.
+    `proved` says whether it is free everywhere, not only where it was looked at. `looked` counts
+    the configurations that the search and the short cuts looked at, `stretches` those of the proof,
+    of which `refined` were halved. `cleared_m` is the margin that the last search kept.
     """
 
     path: Floats
@@ -81,7 +83,9 @@ class OutsideLimits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InCollision:
-    """A configuration touches, or comes within the margin of, something: `contacts`, the deepest first."""
+    """A configuration touches, or comes within the margin of, something: `contacts`, the
+    deepest first.
+    """
 
     of: str
     contacts: tuple[Contact, ...]
@@ -99,10 +103,12 @@ class RefusedQuery:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Severed:
-    """A proof that there is no path: what the `joints` alone move must pass something that leaves no way round.
+    """A proof that there is no path: what the `joints` alone move must pass something that leaves
+    no way round.
 
-    The cells of a grid over the values of these joints that are blocked as a whole part the start from every goal. At the
-    configuration `at` (k,), the one of them that lies nearest to a goal, `contacts` is what touches, the deepest first.
+    The cells of a grid over the values of these joints that are blocked as a whole part the start
+    from every goal. At the configuration `at` (k,), the one of them that lies nearest to a goal,
+    `contacts` is what touches, the deepest first.
     """
 
     joints: tuple[int, ...]
@@ -115,10 +121,10 @@ class Severed:
 class Blocked:
     """No path was found within the budget.
 
-    The trees from start and goals came nearest at `ends` (2, k), `apart` (rad, m) from each other, after `looked`
-    configurations; they had `grown` nodes each. `contacts` is what touches where the straight line between the ends is
-    blocked worst, at configuration `at` (k,). `why` is a sentence about the strategy, if it has more to say. With
-    `severed` it is proved that there is none.
+    The trees from start and goals came nearest at `ends` (2, k), `apart` (rad, m) from each other,
+    after `looked` configurations; they had `grown` nodes each. `contacts` is what touches where the
+    straight line between the ends is blocked worst, at configuration `at` (k,). `why` is a sentence
+    about the strategy, if it has more to say. With `severed` it is proved that there is none.
     """
 
     ends: Floats
@@ -147,10 +153,12 @@ class LegKind(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepLeg:
-    """A part of the motion of a step: configurations (m, k) of the arm, reached at `corners_s` (m,) from the leg's start.
+    """A part of the motion of a step: configurations (m, k) of the arm, reached at `corners_s` (m,)
+    from the leg's start.
 
-    `proved` says whether it is free everywhere. `holding` names the bodies that move with the arm, except for its own tools.
-    The legs `beside` are those of other arms at the same time, with the same corners.
+    `proved` says whether it is free everywhere. `holding` names the bodies that move with the arm,
+    except for its own tools. The legs `beside` are those of other arms at the same time, with the
+    same corners.
     """
 
     kind: LegKind
@@ -167,7 +175,9 @@ class StepLeg:
         return float(self.corners_s[-1]) if len(self.corners_s) else 0.0
 
     def at(self, t: float) -> Floats:
-        """The configuration (k,) at a time (s) from the start of the leg: from corner to corner, from rest to rest."""
+        """The configuration (k,) at a time (s) from the start of the leg: from corner to
+        corner, from rest to rest.
+        """
         n = min(int(np.searchsorted(self.corners_s, t, side="right")) - 1, len(self.path) - 2)
         end: Floats = self.path[-1]
         if n < 0:
@@ -202,14 +212,17 @@ class MovedStep:
 
 @dataclass(frozen=True, slots=True)
 class Unmoved:
-    """A step for which no motion is found: at which place, and why. `culprits` are the bodies in the way.
+    """A step for which no motion is found: at which place, and why. `culprits` are the bodies in
+    the way.
 
-    If it is `sure`, every configuration was looked at, and each touches something, or cannot be followed.
-    It holds at least while the facts `while_true` are true, which put those bodies, and what the arm holds, where they are,
-    and whatever the arguments of the operator at the places `regardless` are.
+    If it is `sure`, every configuration was looked at, and each touches something, or cannot be
+    followed. It holds at least while the facts `while_true` are true, which put those bodies, and
+    what the arm holds, where they are, and whatever the arguments of the operator at the places
+    `regardless` are.
 
-    `level` tells what refuses it: `sight` (a scanner does not see its patch), `reach` (no configuration at all), `contact` (every
-    configuration touches something), `approach` (there is no straight way in or out), or `way` (no way leads there).
+    `level` tells what refuses it: `sight` (a scanner does not see its patch), `reach` (no
+    configuration at all), `contact` (every configuration touches something), `approach` (there is
+    no straight way in or out), or `way` (no way leads there).
     """
 
     step: StepId
@@ -230,10 +243,11 @@ StepPair = tuple[StepId, StepId]
 class Meetings:
     """Which steps of different arms can meet.
 
-    `tracks` are the steps of each arm in their order; a step of several arms is on several tracks. `steps` are pairs that can
-    meet on their ways. `rests` are an arm, the step after which it rests (None: at the start), and a step of another arm that
-    meets it there. `orders` are pairs of which the first must come first, because it clears the way of the second, or because
-    the second would block it. `looked` pairs of steps were compared, `near` of them by their paths.
+    `tracks` are the steps of each arm in their order; a step of several arms is on several tracks.
+    `steps` are pairs that can meet on their ways. `rests` are an arm, the step after which it rests
+    (None: at the start), and a step of another arm that meets it there. `orders` are pairs of which
+    the first must come first, because it clears the way of the second, or because the second would
+    block it. `looked` pairs of steps were compared, `near` of them by their paths.
     """
 
     tracks: Mapping[str, tuple[StepId, ...]]
@@ -246,7 +260,8 @@ class Meetings:
 
 @dataclass(frozen=True, slots=True)
 class SharedZone:
-    """Space that two arms share: a box (m, in the world), and the steps of each arm that go through it.
+    """Space that two arms share: a box (m, in the world), and the steps of each arm that go through
+    it.
 
     One arm at a time may be in it: it is a resource that geometry has found.
     """
@@ -259,9 +274,11 @@ class SharedZone:
 
 @dataclass(frozen=True, slots=True)
 class PassingOrder:
-    """Who goes first: the start of each step, and pairs of steps of which the first ends before the second begins.
+    """Who goes first: the start of each step, and pairs of steps of which the first ends before the
+    second begins.
 
-    No order of the arms in their zones is done before `lower_bound`. `proved` says that none is better.
+    No order of the arms in their zones is done before `lower_bound`. `proved` says that none is
+    better.
     """
 
     starts: Mapping[StepId, int]
@@ -273,8 +290,9 @@ class PassingOrder:
 
 @dataclass(frozen=True, slots=True)
 class Sharing:
-    """How the arms of a plan share space: `zones`, how many pairs of steps never meet whatever their times (`apart`), and how many are
-    kept apart by their order (`ordered`). `held` are the orders that were added for that.
+    """How the arms of a plan share space: `zones`, how many pairs of steps never meet whatever
+    their times (`apart`), and how many are kept apart by their order (`ordered`). `held` are the
+    orders that were added for that.
     """
 
     zones: tuple[SharedZone, ...] = ()

@@ -9,7 +9,9 @@ from cellwright.kb.terms import Function
 
 @dataclass(frozen=True, slots=True)
 class Counterexample:
-    """An order that fails: its last step cannot be done, or all steps are done and the goal does not hold."""
+    """An order that fails: its last step cannot be done, or all steps are done and the goal
+    does not hold.
+    """
 
     order: tuple[StepId, ...]
     at_the_goal: bool
@@ -25,9 +27,11 @@ class OrderCheck:
 
 @dataclass(frozen=True, slots=True)
 class MacroOffer:
-    """The MACROPs that a search had as operators, as steps with variables, and those that its plan uses.
+    """The MACROPs that a search had as operators, as steps with variables, and those that its plan
+    uses.
 
-    `search` is the search that answered, `backward` or `forward`; it is empty if no MACROPs were offered.
+    `search` is the search that answered, `backward` or `forward`; it is empty if no MACROPs were
+    offered.
     """
 
     search: str = ""
@@ -40,7 +44,10 @@ NO_OFFER = MacroOffer()
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """Measurements of one run, for research. Times are in seconds and never part of golden output."""
+    """Measurements of one run, for research.
+
+    Times are in seconds and never part of golden output.
+    """
 
     counts: Mapping[str, int] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -66,7 +73,9 @@ class Infeasible:
 
 @dataclass(frozen=True, slots=True)
 class GaveUp:
-    """The search stopped at a limit (`limit` is expansions, time or memory), or was not exhaustive."""
+    """The search stopped at a limit (`limit` is expansions, time or memory), or was not
+    exhaustive.
+    """
 
     reason: str
     limit: str = "expansions"

@@ -16,9 +16,10 @@ Triple = tuple[float, float, float]
 class DrawnFeature:
     """A feature as the drawing shows it: its kind, its sizes by name, and where it is.
 
-    `tolerances` holds the width of the narrowest tolerance zone for each kind of characteristic. `along` is
-    the axis, the normal or the direction of a line. `across` is a direction at right angles to it; the angle
-    `sweep` (rad) starts there. `entities` names the faces or edges of the part that the feature consists of.
+    `tolerances` holds the width of the narrowest tolerance zone for each kind of characteristic.
+    `along` is the axis, the normal or the direction of a line. `across` is a direction at right
+    angles to it; the angle `sweep` (rad) starts there. `entities` names the faces or edges of the
+    part that the feature consists of.
     """
 
     name: str
@@ -43,12 +44,13 @@ UNSAID_NORMAL: Triple = (
 
 @dataclass(frozen=True, slots=True)
 class MeasurementPoint:
-    """Where a tool measures: `normal` points away from the material; `bore_m` is the width of the hole that
-    the point lies in.
+    """Where a tool measures: `normal` points away from the material; `bore_m` is the width of the
+    hole that the point lies in.
 
-    `kind` is what the tool must measure (thickness, profile). `tolerance_m` is the width of the tolerance
-    zone that the measurement must confirm. `step` says in which step of the alignment the point is measured; 0: in none.
-    `nominal_m` is what the measurement should give, `tool` the one that is to take it if it can; empty: any.
+    `kind` is what the tool must measure (thickness, profile). `tolerance_m` is the width of the
+    tolerance zone that the measurement must confirm. `step` says in which step of the alignment the
+    point is measured; 0: in none. `nominal_m` is what the measurement should give, `tool` the one
+    that is to take it if it can; empty: any.
     """
 
     name: str
@@ -65,7 +67,9 @@ class MeasurementPoint:
 
 @dataclass(frozen=True, slots=True)
 class Excluded:
-    """A feature without measurement points, and why it has none; or a remark about one that has points."""
+    """A feature without measurement points, and why it has none; or a remark about one that has
+    points.
+    """
 
     feature: str
     reason: str
@@ -75,8 +79,8 @@ class Excluded:
 class Inspection:
     """The measurements of a part.
 
-    `left_out` names the kinds of facts about them that a domain does not know, `strange` the kinds of measurements. `unsure` are the
-    facts that the domain misses to know how uncertain values are.
+    `left_out` names the kinds of facts about them that a domain does not know, `strange` the kinds
+    of measurements. `unsure` are the facts that the domain misses to know how uncertain values are.
     """
 
     name: str
@@ -101,7 +105,9 @@ def measuring_arms(problem: Problem) -> tuple[str, ...]:
     if declared is None or len(declared.arguments) < 3:
         return ()
     objects = {**domain.objects, **problem.objects}
-    return tuple(name for name, own in objects.items() if domain.is_subtype(own, declared.arguments[1]))
+    return tuple(
+        name for name, own in objects.items() if domain.is_subtype(own, declared.arguments[1])
+    )
 
 
 def is_shared(problem: Problem) -> bool:
@@ -111,7 +117,10 @@ def is_shared(problem: Problem) -> bool:
 
 def measurements_of(problem: Problem) -> list[str]:
     """The objects of a problem that are measurements, in the order in which they are listed."""
-    objects, type_ = {**problem.domain.objects, **problem.objects}, problem.domain.conventions.measurement
+    objects, type_ = (
+        {**problem.domain.objects, **problem.objects},
+        problem.domain.conventions.measurement,
+    )
     return [name for name, own in objects.items() if own == type_]
 
 
@@ -122,13 +131,17 @@ def goal_measurements(problem: Problem) -> set[str]:
 
 
 def is_put_in_order(problem: Problem) -> bool:
-    """Whether the goals name measurements that the sequencer puts in order, or shares among arms."""
+    """Whether the goals name measurements that the sequencer puts in order, or shares among
+    arms.
+    """
     least = 1 if is_shared(problem) else 2
     return chooses_tools(problem.domain) and len(goal_measurements(problem)) >= least
 
 
 def asked_for(problem: Problem) -> set[str] | None:
-    """The measurements that goals and workflows name; None if that is all of them, or if some goal names none: it may take any."""
+    """The measurements that goals and workflows name; None if that is all of them, or if some
+    goal names none: it may take any.
+    """
     known = set(measurements_of(problem))
     stages = (Literal(stage) for chain in problem.chains for stage in chain.stages)
     names = [names_in_goal(condition, known) for condition in (*goal_parts(problem.goal), *stages)]
@@ -138,7 +151,12 @@ def asked_for(problem: Problem) -> set[str] | None:
 
 def names_in_goal(goal: Condition, known: Collection[str]) -> set[str]:
     """Those of some names that a goal names."""
-    return {name for literal in literals_of(goal) for name in _constant_names(literal.atom) if name in known}
+    return {
+        name
+        for literal in literals_of(goal)
+        for name in _constant_names(literal.atom)
+        if name in known
+    }
 
 
 def _constant_names(term: Term) -> set[str]:

@@ -8,9 +8,11 @@ from cellwright.kb.terms import Atom
 
 @dataclass(frozen=True, slots=True)
 class Edit:
-    """One fact that is different: `added` is new, `removed` is gone. With both, one stands in place of the other.
+    """One fact that is different: `added` is new, `removed` is gone. With both, one stands in place
+    of the other.
 
-    `layer` is static, initial or object. A fact about an object is its type with its name: `laser(slra)`.
+    `layer` is static, initial or object. A fact about an object is its type with its name:
+    `laser(slra)`.
     """
 
     layer: str
@@ -36,10 +38,11 @@ class Edit:
 
 @dataclass(frozen=True, slots=True)
 class Amendment:
-    """A change to a problem: edits of facts, a goal that is dropped, or events (`stages`) that are asked for as well.
+    """A change to a problem: edits of facts, a goal that is dropped, or events (`stages`) that are
+    asked for as well.
 
-    `proof` is the number of steps of a checked plan for the changed problem. `missing` leads from the goal
-    down to what the edits give.
+    `proof` is the number of steps of a checked plan for the changed problem. `missing` leads from
+    the goal down to what the edits give.
     """
 
     edits: tuple[Edit, ...] = ()
@@ -71,10 +74,11 @@ class Amendment:
 class Explanation:
     """Why there is no plan. `status` is feasible, infeasible or unknown.
 
-    `goals` is a minimal set of goals that cannot be reached (together, if there are several). `exclusions`
-    say what is never true at the same time: pairs of these, or needs of the step that would reach the only one. `changes` are the smallest ones; each is proved
-    by a plan. `untried` is how many changes that might help were left when a limit was reached. `gaps` say what no operator
-    makes true; they are told where no change of facts helps.
+    `goals` is a minimal set of goals that cannot be reached (together, if there are several).
+    `exclusions` say what is never true at the same time: pairs of these, or needs of the step that
+    would reach the only one. `changes` are the smallest ones; each is proved by a plan. `untried`
+    is how many changes that might help were left when a limit was reached. `gaps` say what no
+    operator makes true; they are told where no change of facts helps.
     """
 
     status: str

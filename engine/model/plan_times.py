@@ -23,7 +23,8 @@ class TimeShare:
 class Bottleneck:
     """The steps that make up a makespan, by operator, the longest first.
 
-    `resource` holds them all and never rests; without one they are a chain, with `waiting` between its steps.
+    `resource` holds them all and never rests; without one they are a chain, with `waiting` between
+    its steps.
     """
 
     resource: Term | None
@@ -39,9 +40,13 @@ def find_bottleneck(plan: Plan, starts: Mapping[StepId, int]) -> Bottleneck:
     for step in plan.steps:
         for resource in step.resources:
             loads[resource] += step.duration
-    busiest = min(loads, key=lambda busy_resource: (-loads[busy_resource], str(busy_resource)), default=None)
+    busiest = min(
+        loads, key=lambda busy_resource: (-loads[busy_resource], str(busy_resource)), default=None
+    )
     if busiest is not None and loads[busiest] == last:
-        return Bottleneck(busiest, _time_shares(step for step in plan.steps if busiest in step.resources))
+        return Bottleneck(
+            busiest, _time_shares(step for step in plan.steps if busiest in step.resources)
+        )
     chain = _waiting_chain(plan, ends)
     return Bottleneck(None, _time_shares(chain), last - sum(step.duration for step in chain))
 
@@ -53,7 +58,9 @@ def _waiting_chain(plan: Plan, ends: Mapping[StepId, int]) -> list[Step]:
     at = max(ends, key=lambda last_step: (ends[last_step], -last_step), default=None)
     while at is not None:
         chain.append(steps[at])
-        at = max(steps[at].after, key=lambda waited_step: (ends[waited_step], -waited_step), default=None)
+        at = max(
+            steps[at].after, key=lambda waited_step: (ends[waited_step], -waited_step), default=None
+        )
     return chain[::-1]
 
 
@@ -67,7 +74,9 @@ def _time_shares(steps: Iterable[Step]) -> tuple[TimeShare, ...]:
 
 
 def earliest_starts(plan: Plan) -> dict[StepId, int]:
-    """The start of each step if it begins as soon as those before it end, in the domain's time unit."""
+    """The start of each step if it begins as soon as those before it end, in the domain's time
+    unit.
+    """
     ends: dict[StepId, int] = {}
     starts: dict[StepId, int] = {}
     for step in plan.steps:
@@ -129,12 +138,15 @@ def object_histories(
 
 
 def steps_reaching(plan: Plan, chain: Chain) -> dict[int, StepId]:
-    """The steps that reach the stages of a chain, by the number of stages reached then, read from causal links.
+    """The steps that reach the stages of a chain, by the number of stages reached then, read from
+    causal links.
 
-    A step that reaches several stages provides the last of them. What held from the start, or was left to the end, is
-    nobody's.
+    A step that reaches several stages provides the last of them. What held from the start, or was
+    left to the end, is nobody's.
     """
-    producers = {link.condition: link.producer for link in plan.links if link.condition.name == STAGE_FLUENT}
+    producers = {
+        link.condition: link.producer for link in plan.links if link.condition.name == STAGE_FLUENT
+    }
     reaching_steps: dict[int, StepId] = {}
     step: StepId | None = None
     for number in range(len(chain.stages), 0, -1):
@@ -149,5 +161,7 @@ def _object_texts(problem: Problem, subject: Term | None) -> dict[str, str]:
     return {
         fact.name: fact.arguments[1].value
         for fact in problem.statics
-        if len(fact.arguments) == 2 and fact.arguments[0] == subject and isinstance(fact.arguments[1], Text)
+        if len(fact.arguments) == 2
+        and fact.arguments[0] == subject
+        and isinstance(fact.arguments[1], Text)
     }

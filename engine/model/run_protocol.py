@@ -1,7 +1,7 @@
 """Execution: commands, replies, journal records, the state of a run, and finished steps.
 
-Times in `_ms` are integers: milliseconds of the driver's clock since the run began. All texts that name steps, facts and
-replies are ASP terms, as everywhere else.
+Times in `_ms` are integers: milliseconds of the driver's clock since the run began. All texts that
+name steps, facts and replies are ASP terms, as everywhere else.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, MutableSet
@@ -9,12 +9,15 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-BODIES_SEEN = "seen"  # in the data of a reply: bodies that the arm has met, or that a sensor has seen
+# in the data of a reply: bodies that the arm has met, or that a sensor has seen
+BODIES_SEEN = "seen"
 OBSTRUCTED_REPLIES = (
-    "obstructed"  # the reply of an arm that something has stopped: it is where it was before the step
+    # the reply of an arm that something has stopped: it is where it was before the step
+    "obstructed"
 )
 NO_MOTION = (
-    "no_motion"  # what a step has for a reply that is not sent, because no motion is found for it any more
+    # what a step has for a reply that is not sent, because no motion is found for it any more
+    "no_motion"
 )
 PROTOCOL_VERSION = 1  # of commands, replies and records; whoever reads a greater number refuses it
 
@@ -24,23 +27,28 @@ class CommandKind(StrEnum):
 
     STEP = "step"  # carry out a step of a plan
     TEST = "test"  # carry out a test of the fault base; the reply is one of `choices`
-    REPAIR = "repair"  # carry out a repair of the fault base; the reply is one of `choices`: cured or not
+    # carry out a repair of the fault base; the reply is one of `choices`: cured or not
+    REPAIR = "repair"
     ASK = "ask"  # put a question to a person; the reply is one of `choices`
-    WAIT = "wait"  # begin nothing that stands behind this in the stream's queue until it is continued
+    # begin nothing that stands behind this in the stream's queue until it is continued
+    WAIT = "wait"
     CONTINUE = "continue"  # go on behind the WAIT whose number is `about`
 
 
 @dataclass(frozen=True, slots=True)
 class DriverCommand:
-    """One command of a run. Numbers ascend; a command that is sent twice has the same number and is carried out once.
+    """One command of a run. Numbers ascend; a command that is sent twice has the same number and is
+    carried out once.
 
-    `stream` names the device. `action` is the step as an operator instance (`pick(probe_1, slot(drawer, 1))`), or the name of
-    a test or repair; `says` is what the domain tells the device, or the words for a person. `expects` is the pattern of a
-    normal reply, with variables for what is measured. A person is asked (`asks`). `lasts_ms` is a forecast. Without a reply
-    within `timeout_ms` of its being sent, or of its turn in a queue, the command counts as failed. The device looks at the
-    facts in `looks` before it begins, and at those in `watches` as long as it goes on, too; if one is not so, it does not begin,
-    or stops, and replies `not(FACT)`. `part` is where the part lies, as the first three rows of a displacement of its model, in metres
-    and in the frame of the part: all its points and paths move with it. Empty: as modelled.
+    `stream` names the device. `action` is the step as an operator instance (`pick(probe_1,
+    slot(drawer, 1))`), or the name of a test or repair; `says` is what the domain tells the device,
+    or the words for a person. `expects` is the pattern of a normal reply, with variables for what
+    is measured. A person is asked (`asks`). `lasts_ms` is a forecast. Without a reply within
+    `timeout_ms` of its being sent, or of its turn in a queue, the command counts as failed. The
+    device looks at the facts in `looks` before it begins, and at those in `watches` as long as it
+    goes on, too; if one is not so, it does not begin, or stops, and replies `not(FACT)`. `part` is
+    where the part lies, as the first three rows of a displacement of its model, in metres and in
+    the frame of the part: all its points and paths move with it. Empty: as modelled.
     """
 
     number: int
@@ -61,10 +69,12 @@ class DriverCommand:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What a device answers to a command: `done`, `value(812)`, `not_gripped`, the outcome of a test.
+    """What a device answers to a command: `done`, `value(812)`, `not_gripped`, the outcome of a
+    test.
 
-    Whether it is normal is not the driver's to say: the executive matches it. `at_ms` is when the command had ended. `data`
-    is what is too much for a term, such as a depth map, or the name of a file that holds it; it goes into the journal.
+    Whether it is normal is not the driver's to say: the executive matches it. `at_ms` is when the
+    command had ended. `data` is what is too much for a term, such as a depth map, or the name of a
+    file that holds it; it goes into the journal.
     """
 
     number: int
@@ -76,7 +86,8 @@ class Reply:
 class TroubleKind(StrEnum):
     """What went wrong between the executive and a controller."""
 
-    LOST = "lost"  # the controller has died, hangs (no heartbeat), or cannot be reached again in time
+    # the controller has died, hangs (no heartbeat), or cannot be reached again in time
+    LOST = "lost"
     GARBAGE = "garbage"  # something came that is no reply
     REPEATED = "repeated"  # a second reply to a command; the first one counts
     STRANGE = "strange"  # a reply to a command that was never sent
@@ -85,7 +96,8 @@ class TroubleKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Trouble:
-    """A fault of the connection, not of the cell. `number` is the command that it is about, if it is about one.
+    """A fault of the connection, not of the cell. `number` is the command that it is about, if it
+    is about one.
 
     After LOST nothing more comes. The others do not end a run; they are written in the journal.
     """
@@ -100,7 +112,9 @@ Message = Reply | Trouble
 
 
 class Fate(StrEnum):
-    """What became of a command, as the driver knows it after a connection was lost or the executive was restarted."""
+    """What became of a command, as the driver knows it after a connection was lost or the
+    executive was restarted.
+    """
 
     UNKNOWN = "unknown"  # it was never received: it may be sent
     QUEUED = "queued"  # it waits for its turn
@@ -144,40 +158,46 @@ class OperatorCommand(StrEnum):
     ABORT = "abort"  # at a pause: end the run
     ADD = "add"  # a further command in words, merged without touching the steps that have begun
     APPROVE = "approve"
-    ANSWER = "answer"  # what a person was asked: an outcome of a question, or that a step is done by hand
+    # what a person was asked: an outcome of a question, or that a step is done by hand
+    ANSWER = "answer"
 
 
 class RecordKind(StrEnum):
-    """What a record of the journal tells. Its content, by key, is described here; every record has `at_ms`.
+    """What a record of the journal tells. Its content, by key, is described here; every record has
+    `at_ms`.
 
-    RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is the first record.
-    PLAN: why (first, recovery, reschedule, choice, aligned, again, or the order that asked for it), steps [{id, step, stream, says, after, resources,
+    RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is the
+    first record. PLAN: why (first, recovery, reschedule, choice, aligned, again, or the order that
+    asked for it), steps [{id, step, stream, says, after, resources,
           start_ms, lasts_ms, ...; keys that say nothing are left out}], order, forecast_ms (the end), goals, chains
           {name: stages pursued}, given_up, lost, blocked, hands, full (those that hold something),
           ahead [[id, start, low, high]] (as far as starts can be forecast); it replaces the steps that have not begun.
-    COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms, timeout_ms, about, asks,
+    COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms,
+    timeout_ms, about, asks,
           step (id in the plan, or null); looks, watches and part, if there are any.
-    REPLY: command, text, data. A command that got none in time has the text `timeout`.
-    TROUBLE: trouble (its kind), text, command.
-    DONE: step (id), command, action, started_ms, adds, ends, events: what the step changed in the world model; moved: the
+    REPLY: command, text, data. A command that got none in time has the text `timeout`. TROUBLE:
+    trouble (its kind), text, command. DONE: step (id), command, action, started_ms, adds, ends,
+    events: what the step changed in the world model; moved: the
           stages that were reached, [[chain, number, atom]]; arms {name: {q, place, inside, straight}}: where those are that
           have moved, in a run with motion.
-    RESULT: command, action, result (the fact of the result pattern, or empty), and where the domain says what is measured of,
+    RESULT: command, action, result (the fact of the result pattern, or empty), and where the domain
+    says what is measured of,
             quantity, value, unit, nominal, lower, upper, uncertainty, risk, passed, tool.
-    ALIGNMENT: part (twelve numbers, as in commands; empty if no place of the part fits), centre, covariance, wrong (datums that disagree),
+    ALIGNMENT: part (twelve numbers, as in commands; empty if no place of the part fits), centre,
+    covariance, wrong (datums that disagree),
             datums (how many agree), why (none fits): where the part lies, from here on.
-    EXCEPTION: exception (its name in the fault base, else the reply), known, step, action, command, reply.
-    FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis, probability]] before it, expected_cost.
-    DIAGNOSIS: exception, causes [[hypothesis, probability]], cured, isolated, cost.
-    WORLD: why, adds, ends, reached: the world model was corrected; bodies {name: {at, rpy, box}}, if some were seen.
-    GIVEN_UP: goal, why.
-    GOAL: goal: a stage was reached.
-    ORDER: order, given (what it says besides), origin (terminal, socket), who and when (date and time, UTC) if known.
-    DECISION: what, why: a choice of the executive between alternatives.
-    PHASE: phase, why.
-    CHECKPOINT: state: from here a resumed run can go on without reading older records; or rest: what is left of a long plan,
+    EXCEPTION: exception (its name in the fault base, else the reply), known, step, action, command,
+    reply. FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis,
+    probability]] before it, expected_cost. DIAGNOSIS: exception, causes [[hypothesis,
+    probability]], cured, isolated, cost. WORLD: why, adds, ends, reached: the world model was
+    corrected; bodies {name: {at, rpy, box}}, if some were seen. GIVEN_UP: goal, why. GOAL: goal: a
+    stage was reached. ORDER: order, given (what it says besides), origin (terminal, socket), who
+    and when (date and time, UTC) if known. DECISION: what, why: a choice of the executive between
+    alternatives. PHASE: phase, why. CHECKPOINT: state: from here a resumed run can go on without
+    reading older records; or rest: what is left of a long plan,
           as in PLAN, before the checkpoint that refers to it; more steps of it are in so many records before (pages).
-    END: outcome (reached, partly, stopped, aborted, paused), why, goals, open_goals, given_up [[goal, why]], makespan_ms.
+    END: outcome (reached, partly, stopped, aborted, paused), why, goals, open_goals, given_up
+    [[goal, why]], makespan_ms.
     """
 
     RUN = "run"
@@ -203,7 +223,8 @@ class RecordKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class JournalRecord:
-    """One record of a run's journal, which is also an event of the public stream. Numbers count from 1 without gaps.
+    """One record of a run's journal, which is also an event of the public stream. Numbers count
+    from 1 without gaps.
 
     `content` is plain JSON. What the keys are, `RecordKind` says.
     """
@@ -227,7 +248,9 @@ class JournalRecord:
 
 @dataclass(frozen=True, slots=True)
 class Underway:
-    """A command that is being carried out: for the step of the plan, if it is one, since when and until when probably."""
+    """A command that is being carried out: for the step of the plan, if it is one, since when
+    and until when probably.
+    """
 
     command: DriverCommand
     started_ms: int
@@ -239,7 +262,8 @@ class Underway:
 class RunState:
     """How a run stands, for those who watch it.
 
-    `facts` are what the world model holds for true, `forecast_ms` is when the plan is forecast to end.
+    `facts` are what the world model holds for true, `forecast_ms` is when the plan is forecast to
+    end.
     """
 
     run: str
@@ -255,10 +279,13 @@ class RunState:
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """How a run ended: `reached`, `partly`, `stopped`, `aborted` or `paused`, and why. Stopped and paused runs can be resumed.
+    """How a run ended: `reached`, `partly`, `stopped`, `aborted` or `paused`, and why. Stopped and
+    paused runs can be resumed.
 
-    `goals` are reached, `open_goals` are not; `given_up` says which of them were given up, and why. Times are of the run's
-    clock; `forecast_ms` is what the first plan was to take. `story` says of each exception what was found and done, what was measured again, and what stayed too long in a place.
+    `goals` are reached, `open_goals` are not; `given_up` says which of them were given up, and why.
+    Times are of the run's clock; `forecast_ms` is what the first plan was to take. `story` says of
+    each exception what was found and done, what was measured again, and what stayed too long in a
+    place.
     """
 
     run: str
@@ -275,7 +302,10 @@ class Finish:
 
 
 class NumberSet(MutableSet[int]):
-    """A set of small whole numbers, as bits. It iterates in ascending order. Memory grows with the greatest number."""
+    """A set of small whole numbers, as bits.
+
+    It iterates in ascending order. Memory grows with the greatest number.
+    """
 
     __slots__ = ("_bits", "_count")
 

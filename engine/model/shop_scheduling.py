@@ -27,8 +27,8 @@ class Need:
 class ShopStage:
     """An activity of length `duration` without a break. It holds one unit of each of its resources.
 
-    `origin` is where a travelling resource must be when the stage starts; `destination` is where it is at the
-    end.
+    `origin` is where a travelling resource must be when the stage starts; `destination` is where it
+    is at the end.
     """
 
     name: str
@@ -41,7 +41,8 @@ class ShopStage:
 
 @dataclass(frozen=True, slots=True)
 class ShopJob:
-    """Stages that belong together. Windows say in which order they come. No stage starts before `release`.
+    """Stages that belong together. Windows say in which order they come. No stage starts before
+    `release`.
 
     If the job ends after `due`, each unit of time costs `priority`.
     """
@@ -63,7 +64,10 @@ class StageMoment:
 
 @dataclass(frozen=True, slots=True)
 class StageWindow:
-    """`later` comes at least `least` and at most `most` after `earlier`. (A largest time is called dwell.)"""
+    """`later` comes at least `least` and at most `most` after `earlier`.
+
+    (A largest time is called dwell.)
+    """
 
     earlier: StageMoment
     later: StageMoment
@@ -87,9 +91,9 @@ class Hold:
 class Resource:
     """A resource with `capacity` equal units.
 
-    If it travels (capacity 1), it takes `travel[from, to]` between two stages. `home` is where it is at the
-    start. Pairs that are not named take no time. With kinds of work in place of places, travel is a
-    sequence-dependent set-up.
+    If it travels (capacity 1), it takes `travel[from, to]` between two stages. `home` is where it
+    is at the start. Pairs that are not named take no time. With kinds of work in place of places,
+    travel is a sequence-dependent set-up.
     """
 
     name: str
@@ -117,8 +121,8 @@ class Changeover:
 class ShopDevice:
     """A device such as a door, a lid or a tool.
 
-    It has one setting at a time; `operator` (a resource of capacity 1) changes it. `final` is the setting
-    that it must have at the end; empty if any setting will do.
+    It has one setting at a time; `operator` (a resource of capacity 1) changes it. `final` is the
+    setting that it must have at the end; empty if any setting will do.
     """
 
     name: str
@@ -171,7 +175,9 @@ class Shop:
         """The end of a stage."""
         return StageMoment(stage, self.stages[stage].duration)
 
-    def after(self, earlier: str, later: str, least: int = 0, most: int | None = None) -> StageWindow:
+    def after(
+        self, earlier: str, later: str, least: int = 0, most: int | None = None
+    ) -> StageWindow:
         """`later` starts at least `least` and at most `most` after the end of `earlier`."""
         return StageWindow(self.end(earlier), StageMoment(later), least, most)
 
@@ -200,11 +206,12 @@ class Adjustment:
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """When each stage and each change of a device starts. No schedule is shorter than `lower_bound`.
+    """When each stage and each change of a device starts. No schedule is shorter than
+    `lower_bound`.
 
-    `tardiness` is the weighted sum of how late jobs end. Less tardiness is better than a shorter makespan.
-    `proved` says that there is no better schedule. Only the order is promised; start times are a forecast. `units` names the
-    unit that each hold has, where a plan has settled it.
+    `tardiness` is the weighted sum of how late jobs end. Less tardiness is better than a shorter
+    makespan. `proved` says that there is no better schedule. Only the order is promised; start
+    times are a forecast. `units` names the unit that each hold has, where a plan has settled it.
     """
 
     starts: Mapping[str, int]
@@ -236,10 +243,11 @@ Timing = ValidSchedule | Infeasible | GaveUp
 class Timetable:
     """A plan with the start of each step, and the schedule of the shop behind it.
 
-    `shop` has a stage for each block of steps that serves an object, or for each step. `scope` says among what the
-    makespan is the least, if that is proved. `note` says why steps are not scheduled as blocks, if they are not;
-    `overstays` are things that stay too long in a place. `missed` are the measurements that begin outside their windows, each with
-    when it begins after the start of the tour.
+    `shop` has a stage for each block of steps that serves an object, or for each step. `scope` says
+    among what the makespan is the least, if that is proved. `note` says why steps are not scheduled
+    as blocks, if they are not; `overstays` are things that stay too long in a place. `missed` are
+    the measurements that begin outside their windows, each with when it begins after the start of
+    the tour.
     """
 
     plan: Plan

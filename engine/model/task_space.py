@@ -9,7 +9,8 @@ from cellwright.kb.model.contact_model import ContactModel, Octuple, Restriction
 
 @dataclass(frozen=True, slots=True)
 class PetriPlace:
-    """A place. `marking` lists the tokens at the start; in a place/transition net `count` is their number.
+    """A place. `marking` lists the tokens at the start; in a place/transition net `count` is their
+    number.
 
     `notes` are what only this engine reads: template, capacities.
     """
@@ -23,7 +24,9 @@ class PetriPlace:
 
 @dataclass(frozen=True, slots=True)
 class PetriTransition:
-    """A transition. `variables` gives the type of each variable of its arcs; its guard demands them."""
+    """A transition. `variables` gives the type of each variable of its arcs; its guard demands
+    them.
+    """
 
     id: str
     name: str
@@ -33,7 +36,9 @@ class PetriTransition:
 
 @dataclass(frozen=True, slots=True)
 class PetriArc:
-    """An arc. It moves `count` tokens or, in a symmetric net, those that its `variables` are bound to."""
+    """An arc. It moves `count` tokens or, in a symmetric net, those that its `variables` are
+    bound to.
+    """
 
     id: str
     source: str
@@ -44,7 +49,9 @@ class PetriArc:
 
 @dataclass(frozen=True, slots=True)
 class PetriNet:
-    """A net; `types` parts the class of tokens of a symmetric net, and is empty for a place/transition net."""
+    """A net; `types` parts the class of tokens of a symmetric net, and is empty for a
+    place/transition net.
+    """
 
     id: str
     places: tuple[PetriPlace, ...]
@@ -60,7 +67,10 @@ class PetriNet:
 
 @dataclass(frozen=True, slots=True)
 class AnchorSlot:
-    """Exchangeable anchor points of one object of a token. `several`: the object has more of this anchor class."""
+    """Exchangeable anchor points of one object of a token.
+
+    `several`: the object has more of this anchor class.
+    """
 
     position: int  # of the object in its token
     anchor_class: str
@@ -73,8 +83,9 @@ class AnchorSlot:
 class TokenType:
     """A colour: exchangeable permanent clusters.
 
-    `members` are the tokens, each a tuple of its objects; `classes` are the classes of these objects. A token is `fixed` if
-    no joint moves it, `passive` if only a passive joint does. `driven` are the positions that controllable joints move.
+    `members` are the tokens, each a tuple of its objects; `classes` are the classes of these
+    objects. A token is `fixed` if no joint moves it, `passive` if only a passive joint does.
+    `driven` are the positions that controllable joints move.
     """
 
     name: str
@@ -102,7 +113,9 @@ class TokenType:
 
 @dataclass(frozen=True, slots=True, order=True)
 class ContactEdge:
-    """A transient contact in a cluster: node and slot of the key, node and slot of the lock, and the contact class."""
+    """A transient contact in a cluster: node and slot of the key, node and slot of the lock,
+    and the contact class.
+    """
 
     key: int
     key_slot: int
@@ -125,7 +138,10 @@ class TokenCluster:
 
 @dataclass(frozen=True, slots=True)
 class ClusterForm:
-    """A cluster up to exchanges. `symmetries` counts the exchanges that leave it as it is; nodes of one orbit are alike."""
+    """A cluster up to exchanges.
+
+    `symmetries` counts the exchanges that leave it as it is; nodes of one orbit are alike.
+    """
 
     cluster: TokenCluster
     symmetries: int
@@ -136,7 +152,8 @@ class ClusterForm:
 class ContactStep:
     """One contact changes: forms become other forms. `ends` are type and slot of key and lock.
 
-    `moved` says, for each token of a type, from which input to which output it goes: (input, output, type, count).
+    `moved` says, for each token of a type, from which input to which output it goes: (input,
+    output, type, count).
     """
 
     inputs: tuple[int, ...]
@@ -158,7 +175,10 @@ class Removed:
 
 @dataclass(frozen=True, slots=True)
 class NetPlace:
-    """What clusters have in common. `contacts` is its template in the normal form; `capacity` counts tokens by type."""
+    """What clusters have in common.
+
+    `contacts` is its template in the normal form; `capacity` counts tokens by type.
+    """
 
     name: str
     say: str
@@ -172,7 +192,9 @@ class NetPlace:
 
 @dataclass(frozen=True, slots=True)
 class Transfer:
-    """The tokens of a type that a transition moves from an input place to an output place; `most` if their number varies."""
+    """The tokens of a type that a transition moves from an input place to an output place;
+    `most` if their number varies.
+    """
 
     source: str
     target: str
@@ -185,7 +207,8 @@ class Transfer:
 class Transition:
     """An operator: it makes or breaks a contact of `contact` (a second-order template or finer).
 
-    `cases` say when it can: in clusters with these contacts and free anchor points, of which the first is the one that changes.
+    `cases` say when it can: in clusters with these contacts and free anchor points, of which the
+    first is the one that changes.
     """
 
     name: str
@@ -204,9 +227,11 @@ class Transition:
 
 @dataclass(frozen=True, slots=True)
 class StateGrowth:
-    """How many fully specified global contact states there are; `exact` unless the count is an upper bound.
+    """How many fully specified global contact states there are; `exact` unless the count is an
+    upper bound.
 
-    `classes` counts them up to exchanges of alike objects and anchor points; None if the search for them was stopped.
+    `classes` counts them up to exchanges of alike objects and anchor points; None if the search for
+    them was stopped.
     """
 
     states: int
@@ -237,7 +262,10 @@ class FormSpace:
 
 @dataclass(frozen=True, slots=True)
 class StateRegion:
-    """Contact states that can all be reached from each other. `fused` are the one-way contacts that hold or are gone in it."""
+    """Contact states that can all be reached from each other.
+
+    `fused` are the one-way contacts that hold or are gone in it.
+    """
 
     states: int
     fused: tuple[str, ...]
@@ -265,7 +293,9 @@ class ContactNet:
 
 @dataclass(frozen=True, slots=True)
 class ObjectShare:
-    """What one object brings to a cell: how many places, transitions and fully specified states; which states filters removed."""
+    """What one object brings to a cell: how many places, transitions and fully specified
+    states; which states filters removed.
+    """
 
     part: str
     places: int

@@ -15,7 +15,8 @@ MAX_LISTED_STAYS = 6  # things that are named
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """What one step brings may stay for so many units of time until another takes it: the `thing` in the `place`.
+    """What one step brings may stay for so many units of time until another takes it: the `thing`
+    in the `place`.
 
     What is there when the plan begins has the source 0, and `since_ms` on the run's clock.
     """
@@ -30,7 +31,9 @@ class Stay:
 
 @dataclass(frozen=True, slots=True)
 class Overstay:
-    """A thing that stays in a place longer than the most that is allowed there, in the domain's unit of time."""
+    """A thing that stays in a place longer than the most that is allowed there, in the domain's
+    unit of time.
+    """
 
     thing: str
     place: str
@@ -39,7 +42,12 @@ class Overstay:
 
     def entry(self) -> dict[str, Any]:
         """The same for JSON."""
-        return {"thing": self.thing, "place": self.place, "lasts": self.lasts, "longest_stay": self.most}
+        return {
+            "thing": self.thing,
+            "place": self.place,
+            "lasts": self.lasts,
+            "longest_stay": self.most,
+        }
 
 
 def overstay_lines(overstays: Sequence[Overstay], unit: str) -> Iterator[str]:
@@ -47,12 +55,16 @@ def overstay_lines(overstays: Sequence[Overstay], unit: str) -> Iterator[str]:
     if not overstays:
         return
     named = [
-        f"{o.thing} in {o.place} for {o.lasts} {unit}, at most {o.most}" for o in overstays[:MAX_LISTED_STAYS]
+        f"{o.thing} in {o.place} for {o.lasts} {unit}, at most {o.most}"
+        for o in overstays[:MAX_LISTED_STAYS]
     ]
     more = len(overstays) - MAX_LISTED_STAYS
     listed = "; ".join(named) + (f"; and {more} more (--format json has all)" if more > 0 else "")
     yield f"Longer than longest_stay allows: {listed}."
-    yield "Allow more time there, ask for less of what is done there, or change what takes things away."
+    yield (
+        "Allow more time there, ask for less of what is done there, or change what takes things "
+        "away."
+    )
 
 
 MeasurementWindow = tuple[int, int]  # earliest and latest beginning, in the unit of the costs
@@ -64,8 +76,9 @@ MAX_WINDOWS_LISTED = 12  # measurements, or pairs of them, that are named
 class Unmet:
     """What is asked of the times of measurements and of stays, and a plan does not keep.
 
-    `missed` are the measurements that begin outside their windows, each with when it begins after the start of the tour.
-    `turned` are pairs whose second measurement begins before the first. `overstays` are things that stay too long in a place.
+    `missed` are the measurements that begin outside their windows, each with when it begins after
+    the start of the tour. `turned` are pairs whose second measurement begins before the first.
+    `overstays` are things that stay too long in a place.
     """
 
     missed: Mapping[str, int] = field(default_factory=dict)
@@ -75,10 +88,18 @@ class Unmet:
     def entry(self) -> dict[str, Any]:
         """What is not kept, for JSON; empty if everything is."""
         missed = {"missed_windows": dict(self.missed)} if self.missed else {}
-        stays = {"overstays": [overstay.entry() for overstay in self.overstays]} if self.overstays else {}
+        stays = (
+            {"overstays": [overstay.entry() for overstay in self.overstays]}
+            if self.overstays
+            else {}
+        )
         return (
             missed
-            | ({"broken_orders": [list(turned_pair) for turned_pair in self.turned]} if self.turned else {})
+            | (
+                {"broken_orders": [list(turned_pair) for turned_pair in self.turned]}
+                if self.turned
+                else {}
+            )
             | stays
         )
 
@@ -87,8 +108,14 @@ class Unmet:
         if self.missed:
             yield missed_windows_text(self.missed, unit)
         if self.turned:
-            names = [f"{first} is not before {second}" for first, second in self.turned[:MAX_WINDOWS_LISTED]]
-            yield f"Not in the order that is asked for: {', '.join(names)}{_and_more(len(self.turned))}."
+            names = [
+                f"{first} is not before {second}"
+                for first, second in self.turned[:MAX_WINDOWS_LISTED]
+            ]
+            yield (
+                "Not in the order that is asked for: "
+                f"{', '.join(names)}{_and_more(len(self.turned))}."
+            )
         yield from overstay_lines(self.overstays, unit)
 
 
@@ -106,7 +133,11 @@ def measured_steps(problem: Problem, plan: Plan) -> dict[StepId, str]:
     known, measured = set(measurements_of(problem)), problem.domain.conventions.measured
     makes: dict[StepId, str] = {}
     for link in plan.links:
-        if link.consumer == GOAL_STEP and link.producer != INITIAL_STEP and link.condition.name == measured:
+        if (
+            link.consumer == GOAL_STEP
+            and link.producer != INITIAL_STEP
+            and link.condition.name == measured
+        ):
             for name in names_in_goal(Literal(link.condition), known):
                 makes[link.producer] = name
     return {step.id: makes[step.id] for step in plan.steps if step.id in makes}
@@ -118,28 +149,37 @@ def missed_windows(
     starts: Mapping[StepId, int],
     begin: int | None = None,
 ) -> dict[str, int]:
-    """The measurements that begin outside their windows, each with when it begins after the start of the tour.
+    """The measurements that begin outside their windows, each with when it begins after the start
+    of the tour.
 
     The tour starts at `begin`, if that is known.
     """
     begin = tour_begin(windows, visits, starts) if begin is None else begin
     after = {name: starts[step] - begin for step, name in visits.items() if name in windows}
-    return {name: at for name, at in after.items() if not windows[name][0] <= at <= windows[name][1]}
+    return {
+        name: at for name, at in after.items() if not windows[name][0] <= at <= windows[name][1]
+    }
 
 
 def turned_pairs(
     pairs: Iterable[MeasurementPair], visits: Mapping[StepId, str], starts: Mapping[StepId, int]
 ) -> tuple[MeasurementPair, ...]:
-    """The pairs of measurements whose second one begins before the first; those with one that no step makes are left out."""
+    """The pairs of measurements whose second one begins before the first; those with one that
+    no step makes are left out.
+    """
     begins = {name: starts[step] for step, name in visits.items()}
     known = dict.fromkeys(pair for pair in pairs if begins.keys() >= {*pair})
     return tuple((first, second) for first, second in known if begins[second] < begins[first])
 
 
 def tour_begin(
-    windows: Mapping[str, MeasurementWindow], visits: Mapping[StepId, str], starts: Mapping[StepId, int]
+    windows: Mapping[str, MeasurementWindow],
+    visits: Mapping[StepId, str],
+    starts: Mapping[StepId, int],
 ) -> int:
-    """When the tour begins, by the starts of steps: an arm that is too early for the first visit has waited for it."""
+    """When the tour begins, by the starts of steps: an arm that is too early for the first
+    visit has waited for it.
+    """
     if not visits:
         return 0
     first = min(visits, key=lambda step: starts[step])
@@ -149,7 +189,10 @@ def tour_begin(
 def missed_windows_text(missed: Mapping[str, int], unit: str) -> str:
     """The measurements outside their windows, in words."""
     names = [f"{name} at {at} {unit}" for name, at in list(missed.items())[:MAX_WINDOWS_LISTED]]
-    return f"Outside their windows, counted from the start of the tour: {', '.join(names)}{_and_more(len(missed))}."
+    return (
+        "Outside their windows, counted from the start of the tour: "
+        f"{', '.join(names)}{_and_more(len(missed))}."
+    )
 
 
 def _and_more(count: int) -> str:
@@ -163,14 +206,17 @@ def _and_more(count: int) -> str:
 def opening_delays(
     windows: Mapping[str, MeasurementWindow], visits: Mapping[StepId, str]
 ) -> dict[StepId, int]:
-    """How long after the start of the tour each step may begin that makes a measurement; 0 where nothing is said."""
+    """How long after the start of the tour each step may begin that makes a measurement; 0
+    where nothing is said.
+    """
     return {step: max(0, windows.get(name, (0, 0))[0]) for step, name in visits.items()}
 
 
 def tour_begin_so_far(
     problem: Problem, windows: Mapping[str, MeasurementWindow], begins: Mapping[Atom, int]
 ) -> int | None:
-    """When the tour has begun whose measurements are made as far as the initial state says; None if none is.
+    """When the tour has begun whose measurements are made as far as the initial state says; None if
+    none is.
 
     `begins` says when they began.
     """

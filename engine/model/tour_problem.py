@@ -15,7 +15,9 @@ MICROMETRES_PER_METRE = 1e6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Metric:
-    """Whole-number costs between points (n, d), d is 2 or 3: one of `KINDS`, by which TSPLIB rounds, or `micrometres`."""
+    """Whole-number costs between points (n, d), d is 2 or 3: one of `KINDS`, by which TSPLIB
+    rounds, or `micrometres`.
+    """
 
     kind: str
     points: Floats
@@ -24,7 +26,9 @@ class Metric:
         return len(self.points)
 
     def between(self, a: Ints, b: Ints) -> Longs:
-        """The cost from each city of `a` to the city of `b` at the same place; shapes are broadcast."""
+        """The cost from each city of `a` to the city of `b` at the same place; shapes are
+        broadcast.
+        """
         u, v = self.points[a], self.points[b]
         costs = METRIC_KINDS[self.kind](u, v).astype(np.int64)
         return np.where(np.asarray(a) == np.asarray(b), 0, costs)
@@ -43,7 +47,9 @@ class Metric:
 
 
 def _euclidean_m(u: Floats, v: Floats) -> Floats:
-    """Square roots of sums in the order of the coordinates, so that kernels compute the same figures."""
+    """Square roots of sums in the order of the coordinates, so that kernels compute the same
+    figures.
+    """
     squares = (u - v) ** 2
     total = squares[..., 0] + squares[..., 1]
     for axis in range(2, squares.shape[-1]):
@@ -115,9 +121,10 @@ ENDLESS_WINDOW = 2**40  # the end of a window that has none: later than any tour
 class Visit:
     """A place that a tour visits once.
 
-    `position` serves for pictures and for first tours. `tool` is the tool that the visit needs. The visit
-    begins within `window` (earliest, latest; both count from the start of the tour) and lasts `duration`.
-    Times are in the unit of the costs. All visits of a lower `phase` come first. It is made from `station`, if one is given.
+    `position` serves for pictures and for first tours. `tool` is the tool that the visit needs. The
+    visit begins within `window` (earliest, latest; both count from the start of the tour) and lasts
+    `duration`. Times are in the unit of the costs. All visits of a lower `phase` come first. It is
+    made from `station`, if one is given.
     """
 
     name: str
@@ -133,10 +140,11 @@ class Visit:
 class TourProblem:
     """Which order of the visits costs least?
 
-    `travel` (n, n) is the cost from visit i to visit j, not negative; for many visits it may be a metric. `changes` is the additional cost of
-    going on with another tool, `shifts` that of going on from another station. With windows, costs are times. An open tour ends at its last visit; a closed
-    one goes back to its first. `start` and `end` are the first and the last visit, if given. The visits of
-    each pair in `precedence` come in that order.
+    `travel` (n, n) is the cost from visit i to visit j, not negative; for many visits it may be a
+    metric. `changes` is the additional cost of going on with another tool, `shifts` that of going
+    on from another station. With windows, costs are times. An open tour ends at its last visit; a
+    closed one goes back to its first. `start` and `end` are the first and the last visit, if given.
+    The visits of each pair in `precedence` come in that order.
     """
 
     name: str
@@ -162,7 +170,9 @@ class TourProblem:
 
     @property
     def kinds(self) -> tuple[Ints, Longs]:
-        """The number of each visit's tool and station (n,), and the cost of a change from one such pair to another."""
+        """The number of each visit's tool and station (n,), and the cost of a change from one
+        such pair to another.
+        """
         pairs = [(visit.tool, visit.station) for visit in self.visits]
         names = {name: number for number, name in enumerate(sorted(set(pairs)))}
         extra = np.array([[self._change(a, b) for b in names] for a in names], np.int64)
@@ -174,7 +184,9 @@ class TourProblem:
     def lengths(self, order: tuple[int, ...]) -> list[int]:
         """The costs from each visit of an order to the next, travel and change of tool together."""
         a, b = np.array(order[:-1], np.int32), np.array(order[1:], np.int32)
-        lengths = self.travel.between(a, b) if isinstance(self.travel, Metric) else self.travel[a, b]
+        lengths = (
+            self.travel.between(a, b) if isinstance(self.travel, Metric) else self.travel[a, b]
+        )
         if (self.changes or self.shifts) and len(order):
             kind, extra = self.kinds
             lengths = lengths + extra[kind[a], kind[b]]
@@ -201,10 +213,11 @@ class TourProblem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseProblem:
-    """Which order of the visits, and which pose at each, make the fastest closed tour from the first visit?
+    """Which order of the visits, and which pose at each, make the fastest closed tour from the
+    first visit?
 
-    `poses` holds the configurations (m, k) of each visit, m >= 1. `speeds` (k,) are the speeds of the joints.
-    Joints move at the same time: a move takes as long as the slowest joint needs.
+    `poses` holds the configurations (m, k) of each visit, m >= 1. `speeds` (k,) are the speeds of
+    the joints. Joints move at the same time: a move takes as long as the slowest joint needs.
     """
 
     name: str
@@ -217,8 +230,8 @@ class PoseProblem:
 class Tour:
     """An order of all visits, its cost, and a lower bound on the cost of every tour.
 
-    `work` says how long the search was. If visits have several poses, `poses` holds the chosen pose of each
-    visit in `order`.
+    `work` says how long the search was. If visits have several poses, `poses` holds the chosen pose
+    of each visit in `order`.
     """
 
     order: tuple[int, ...]
@@ -235,10 +248,16 @@ class Tour:
 
     @property
     def gap(self) -> float:
-        """The difference of cost and lower bound, as a fraction of the bound; infinite without a bound."""
+        """The difference of cost and lower bound, as a fraction of the bound; infinite without
+        a bound.
+        """
         if self.proved:
             return 0.0
-        return (self.cost - self.lower_bound) / self.lower_bound if self.lower_bound > 0 else float("inf")
+        return (
+            (self.cost - self.lower_bound) / self.lower_bound
+            if self.lower_bound > 0
+            else float("inf")
+        )
 
 
 def cost_of(problem: TourProblem, order: tuple[int, ...]) -> int:
@@ -248,7 +267,9 @@ def cost_of(problem: TourProblem, order: tuple[int, ...]) -> int:
 
 
 def times_of(problem: TourProblem, order: tuple[int, ...]) -> list[tuple[int, int]]:
-    """When each visit of an order is reached, and when it begins: it waits until its window opens."""
+    """When each visit of an order is reached, and when it begins: it waits until its window
+    opens.
+    """
     clock, times = 0, list[tuple[int, int]]()
     ways = problem.lengths(order)
     for index, at in enumerate(order):
@@ -262,9 +283,13 @@ def times_of(problem: TourProblem, order: tuple[int, ...]) -> list[tuple[int, in
 
 
 def slack_of(problem: TourProblem, order: tuple[int, ...]) -> list[int]:
-    """How much later each visit of an order may begin so that no window is missed; ENDLESS or so if none can be."""
+    """How much later each visit of an order may begin so that no window is missed; ENDLESS or
+    so if none can be.
+    """
     slack, slacks = ENDLESS_WINDOW, list[int]()
-    for at, (arrives, begins) in zip(reversed(order), reversed(times_of(problem, order)), strict=True):
+    for at, (arrives, begins) in zip(
+        reversed(order), reversed(times_of(problem, order)), strict=True
+    ):
         window = problem.visits[at].window
         slack = min(slack, ENDLESS_WINDOW if window is None else window[1] - begins)
         slacks.append(slack)
@@ -311,8 +336,9 @@ def _late_visits(problem: TourProblem, order: tuple[int, ...]) -> list[str]:
 class SharedProblem:
     """Which arm makes which visits, so that all are done soonest?
 
-    Each arm has a tour problem with all visits that it can make, which last their `duration` in it. A visit of several arms has the
-    same name in each. Every arm makes an open tour of its share, and all begin at once.
+    Each arm has a tour problem with all visits that it can make, which last their `duration` in it.
+    A visit of several arms has the same name in each. Every arm makes an open tour of its share,
+    and all begin at once.
     """
 
     tours: Mapping[str, TourProblem]
@@ -320,7 +346,9 @@ class SharedProblem:
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """The visits of each arm in their order, by names; how long each arm is busy with them; and what no way to share them is below."""
+    """The visits of each arm in their order, by names; how long each arm is busy with them; and
+    what no way to share them is below.
+    """
 
     orders: Mapping[str, tuple[str, ...]]
     busy: Mapping[str, int]
@@ -334,5 +362,9 @@ class Shares:
 
 
 def busy_with(problem: TourProblem, order: tuple[int, ...]) -> int:
-    """How long an open tour of some of the visits of a problem takes: its arcs, and how long visits last."""
-    return sum(problem.lengths(order)) + sum(problem.visits[visit_number].duration for visit_number in order)
+    """How long an open tour of some of the visits of a problem takes: its arcs, and how long
+    visits last.
+    """
+    return sum(problem.lengths(order)) + sum(
+        problem.visits[visit_number].duration for visit_number in order
+    )

@@ -12,8 +12,8 @@ from cellwright.kb.terms import Atom
 class Action:
     """A test or a repair.
 
-    `likelihoods[o][c]` is the probability of outcome o if c is the cause; columns sum to 1. An outcome in
-    `ends` finishes the case, such as the outcome of a repair that the trouble is gone.
+    `likelihoods[o][c]` is the probability of outcome o if c is the cause; columns sum to 1. An
+    outcome in `ends` finishes the case, such as the outcome of a repair that the trouble is gone.
     """
 
     name: str
@@ -43,9 +43,9 @@ class Conclusion:
 class Setup:
     """Situations of the cell.
 
-    Preparing action a in situation k costs `costs[k][a]`; the action leaves situation `following[k][a]`.
-    Set-up costs are the least ones: doing another action first, only for the situation that it leaves, gains
-    nothing.
+    Preparing action a in situation k costs `costs[k][a]`; the action leaves situation
+    `following[k][a]`. Set-up costs are the least ones: doing another action first, only for the
+    situation that it leaves, gains nothing.
     """
 
     costs: tuple[tuple[float, ...], ...]
@@ -85,7 +85,9 @@ def situation_bits(setup: Setup | None) -> int:
 
 @dataclass(frozen=True, slots=True)
 class CaseStanding:
-    """The state of a case: possible causes (a bit set), outcomes of uncertain actions, the situation."""
+    """The state of a case: possible causes (a bit set), outcomes of uncertain actions, the
+    situation.
+    """
 
     possible: int
     history: int = 0
@@ -103,9 +105,11 @@ class Conclude:
 
 @dataclass(frozen=True, slots=True)
 class Try:
-    """An inner node: the index of the action, its cost here with its set-up, and the branch for each outcome.
+    """An inner node: the index of the action, its cost here with its set-up, and the branch for
+    each outcome.
 
-    `probability` is the probability of reaching this node. Outcomes that cannot occur have no branch.
+    `probability` is the probability of reaching this node. Outcomes that cannot occur have no
+    branch.
     """
 
     probability: float
@@ -121,9 +125,9 @@ Tree = Conclude | Try
 class CaseAdvice:
     """What to do next: an action, or a conclusion if `action` is None.
 
-    `expected_cost` is the expected cost from here. `bound` is a proven lower bound of the optimum; it equals
-    `expected_cost` if `optimal`. `runners_up` are other actions, best first, each with the expected cost (or
-    a lower bound of it) of beginning with it.
+    `expected_cost` is the expected cost from here. `bound` is a proven lower bound of the optimum;
+    it equals `expected_cost` if `optimal`. `runners_up` are other actions, best first, each with
+    the expected cost (or a lower bound of it) of beginning with it.
     """
 
     action: int | None
@@ -149,7 +153,9 @@ def _weighted_cost(tree: Tree) -> float:
 
 @dataclass(frozen=True, slots=True)
 class CaseHypothesis:
-    """A possible explanation of a case: causes present together, and wrong observations (names of tests)."""
+    """A possible explanation of a case: causes present together, and wrong observations (names
+    of tests).
+    """
 
     causes: tuple[str, ...]
     lies: tuple[str, ...] = ()
@@ -186,7 +192,8 @@ class PreparationSteps:
 
 @dataclass(frozen=True, slots=True)
 class CaseStep:
-    """One step of a case: the belief before it, the advice, what was observed, what that cost, and the steps before it.
+    """One step of a case: the belief before it, the advice, what was observed, what that cost, and
+    the steps before it.
 
     `steps` prepared the test or repair; the cost contains them.
     """
@@ -202,9 +209,9 @@ class CaseStep:
 class CaseDiagnosis:
     """How a case ended.
 
-    `hypotheses` are those still possible, each with its probability, the most probable first. `finished` says
-    that nothing is left to ask. `cured` names the repair that ended the case. `repairs` may be tried next, in
-    order. `question` is for a person, if nothing else helps.
+    `hypotheses` are those still possible, each with its probability, the most probable first.
+    `finished` says that nothing is left to ask. `cured` names the repair that ended the case.
+    `repairs` may be tried next, in order. `question` is for a person, if nothing else helps.
     """
 
     exception: str
@@ -238,11 +245,12 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """The changes that a diagnosis makes in the world model, each with its reason, and the lost resources.
+    """The changes that a diagnosis makes in the world model, each with its reason, and the lost
+    resources.
 
-    `blocked` are patterns of steps that are not taken any more. `assumed` is what must have held for the interrupted step
-    to begin, `kept` is work like the work that the cause puts in doubt, and `follows` are facts that hold (True) or do not
-    hold any more by deductive operators.
+    `blocked` are patterns of steps that are not taken any more. `assumed` is what must have held
+    for the interrupted step to begin, `kept` is work like the work that the cause puts in doubt,
+    and `follows` are facts that hold (True) or do not hold any more by deductive operators.
     """
 
     withdrawn: tuple[tuple[Atom, str], ...] = ()
@@ -279,7 +287,9 @@ class Circuit:
     outputs: tuple[str, ...]
     gates: Mapping[str, Gate]
 
-    def values(self, given: Mapping[str, bool], flipped: frozenset[str] = frozenset()) -> dict[str, bool]:
+    def values(
+        self, given: Mapping[str, bool], flipped: frozenset[str] = frozenset()
+    ) -> dict[str, bool]:
         """The value of every wire for given values of the inputs.
 
         The outputs of the gates in `flipped` are inverted.

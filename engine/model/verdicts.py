@@ -15,11 +15,12 @@ from cellwright.kb.model.measured_results import (
 
 @dataclass(frozen=True, slots=True)
 class MeasuredFeature:
-    """One quantity of one thing. `value` is the mean of the `values` that count, in the frame of the part; None if none does.
+    """One quantity of one thing. `value` is the mean of the `values` that count, in the frame of
+    the part; None if none does.
 
-    `uncertainty` is expanded (two standard deviations). `bad` are values that do not count, each with the reason. `doubt` says why
-    it should be measured again before it counts, `why` what keeps it from a decision, `again` why it was measured again, each time.
-    All numbers count `unit`s.
+    `uncertainty` is expanded (two standard deviations). `bad` are values that do not count, each
+    with the reason. `doubt` says why it should be measured again before it counts, `why` what keeps
+    it from a decision, `again` why it was measured again, each time. All numbers count `unit`s.
     """
 
     of: str
@@ -39,7 +40,9 @@ class MeasuredFeature:
 
     @property
     def conformity(self) -> Conformity | None:
-        """What the value shows; None without limits, without an uncertainty, or without a value that counts."""
+        """What the value shows; None without limits, without an uncertainty, or without a value
+        that counts.
+        """
         if self.value is None or self.uncertainty is None or self.doubt:
             return None
         risk = RISK_PERCENT if self.risk is None else self.risk
@@ -90,8 +93,9 @@ class Unmeasured:
 class Survey:
     """What a run has shown of a part: its features, what was not measured, and where the part lay.
 
-    `places` are where features are, in metres in the frame of the part. `part` is the displacement of the part, three rows of
-    four numbers; empty if it was not looked for. `refused` says why its datums fit nowhere, if they did not. `wrong` are datums that disagree.
+    `places` are where features are, in metres in the frame of the part. `part` is the displacement
+    of the part, three rows of four numbers; empty if it was not looked for. `refused` says why its
+    datums fit nowhere, if they did not. `wrong` are datums that disagree.
     """
 
     features: tuple[MeasuredFeature, ...]
@@ -103,9 +107,14 @@ class Survey:
     refused: str = ""
 
     def counts(self) -> dict[str, int]:
-        """How many features there are of each verdict, the most frequent first; those that were not measured are among them."""
+        """How many features there are of each verdict, the most frequent first; those that were
+        not measured are among them.
+        """
         verdict_counts = Counter(feature.judged for feature in self.features)
         verdict_counts.update({"not measured": len(self.unmeasured)} if self.unmeasured else {})
         return dict(
-            sorted(verdict_counts.items(), key=lambda verdict_count: (-verdict_count[1], verdict_count[0]))
+            sorted(
+                verdict_counts.items(),
+                key=lambda verdict_count: (-verdict_count[1], verdict_count[0]),
+            )
         )

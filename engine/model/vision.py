@@ -42,7 +42,9 @@ class DepthCamera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthImage:
-    """Depths (height, width) along the camera's axis; 0 where nothing was measured. `noise_m` is their standard deviation."""
+    """Depths (height, width) along the camera's axis; 0 where nothing was measured. `noise_m`
+    is their standard deviation.
+    """
 
     camera: DepthCamera
     depth: Floats
@@ -53,10 +55,12 @@ class DepthImage:
 class PoseHypothesis:
     """A pose T_camera_part (4, 4) and what the image says of it.
 
-    `agreeing` is the share, of the pixels where the part would be seen and nothing is before it, that show its surface.
-    `seen` is the share of its picture that shows it. `edged` is the share of its outline, as far as it is seen, where the
-    surface ends, and `off_px` by how many pixels the piece of an edge is off that is off most. `pixels` counts the pixels that show it. `evidence` is twice the gain in log-likelihood over knowing nothing
-    of the part: what each pixel, and each place of the outline, is nearer than the farthest that still agrees. A pixel through which
+    `agreeing` is the share, of the pixels where the part would be seen and nothing is before it,
+    that show its surface. `seen` is the share of its picture that shows it. `edged` is the share of
+    its outline, as far as it is seen, where the surface ends, and `off_px` by how many pixels the
+    piece of an edge is off that is off most. `pixels` counts the pixels that show it. `evidence` is
+    twice the gain in log-likelihood over knowing nothing of the part: what each pixel, and each
+    place of the outline, is nearer than the farthest that still agrees. A pixel through which
     something is seen that lies behind the part counts against it.
     """
 
@@ -71,10 +75,11 @@ class PoseHypothesis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocatedPart:
-    """The part is there. `covariance` (6, 6) is that of a displacement in metres and a turn in rad, about the part's origin.
+    """The part is there. `covariance` (6, 6) is that of a displacement in metres and a turn in rad,
+    about the part's origin.
 
-    Both are along the axes of the camera. `equivalent` are all poses, the found one first, that look the same because the
-    part is symmetric. `second` is the best other hypothesis.
+    Both are along the axes of the camera. `equivalent` are all poses, the found one first, that
+    look the same because the part is symmetric. `second` is the best other hypothesis.
     """
 
     best: PoseHypothesis
@@ -98,16 +103,20 @@ Sighting: TypeAlias = LocatedPart | NotLocated
 def picture_of(tool: Ranging) -> DepthCamera:
     """The pixels of a ranging tool, as a camera's: its beams go through the eye and the pixels."""
     focal = tool.width / (2.0 * math.tan(tool.view_rad / 2.0))
-    return DepthCamera(tool.width, tool.height, focal, ((tool.width - 1) / 2, (tool.height - 1) / 2))
+    return DepthCamera(
+        tool.width, tool.height, focal, ((tool.width - 1) / 2, (tool.height - 1) / 2)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RangeImage:
-    """Ranges (height, width) along the beams, 0 where there is no answer, and the strength of each answer.
+    """Ranges (height, width) along the beams, 0 where there is no answer, and the strength of each
+    answer.
 
-    The strength is 1 for a surface square to the beam at the distance `tool.at_m`. Where `wrapped`, ranges are known modulo half
-    the wavelength of the modulation only. Where `guessed`, strengths were not measured: they follow from ranges and slopes.
-    `step_m` is by how much two depths differ at least, if they were rounded.
+    The strength is 1 for a surface square to the beam at the distance `tool.at_m`. Where `wrapped`,
+    ranges are known modulo half the wavelength of the modulation only. Where `guessed`, strengths
+    were not measured: they follow from ranges and slopes. `step_m` is by how much two depths differ
+    at least, if they were rounded.
     """
 
     tool: Ranging
@@ -129,7 +138,9 @@ class RangeImage:
 
     @property
     def noise_m(self) -> Floats:
-        """The standard deviation (height, width) of each range that comes from the signal and from rounding; infinite without an answer."""
+        """The standard deviation (height, width) of each range that comes from the signal and
+        from rounding; infinite without an answer.
+        """
         weak = self.strength <= 0
         signal = self.tool.noise_m / np.where(weak, 1.0, self.strength)
         noise: Floats = np.where(weak, np.inf, np.hypot(signal, self.rounding_m))
@@ -167,7 +178,9 @@ Resolving: TypeAlias = RangeImage | Vague
 
 
 class EdgeKind(IntEnum):
-    """What a surface does at an edge: it ends before another one (step), falls away (roof), or rises (crease)."""
+    """What a surface does at an edge: it ends before another one (step), falls away (roof), or
+    rises (crease).
+    """
 
     NONE = 0
     STEP = 1
@@ -177,9 +190,11 @@ class EdgeKind(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeImage:
-    """The kind of edge (height, width) that each pixel lies on, 0 for none, and the normals (height, width, 3) elsewhere.
+    """The kind of edge (height, width) that each pixel lies on, 0 for none, and the normals
+    (height, width, 3) elsewhere.
 
-    `jump_m` (height, width) is how far the two sides are apart along the beam, `turn_rad` by which angle their normals differ.
+    `jump_m` (height, width) is how far the two sides are apart along the beam, `turn_rad` by which
+    angle their normals differ.
     """
 
     kind: Longs
@@ -215,7 +230,9 @@ class PixelWindow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartSight:
-    """A part at a pose T_eye_part (4, 4): the pixels that show it, their share of its picture, and how many of its faces they show."""
+    """A part at a pose T_eye_part (4, 4): the pixels that show it, their share of its picture,
+    and how many of its faces they show.
+    """
 
     part: str
     T_eye_part: Floats
@@ -226,9 +243,11 @@ class PartSight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedPart:
-    """A part that is seen. `poses` are those that explain the image equally well, the best first, but for symmetry.
+    """A part that is seen. `poses` are those that explain the image equally well, the best first,
+    but for symmetry.
 
-    `equivalent` are the poses that look the same as the best one because the part is symmetric, the best one first.
+    `equivalent` are the poses that look the same as the best one because the part is symmetric, the
+    best one first.
     """
 
     best: PartSight
@@ -238,7 +257,9 @@ class NamedPart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnclearParts:
-    """What may be one of several parts, or is a part that is seen elsewhere as well: the best sight of each, the best first."""
+    """What may be one of several parts, or is a part that is seen elsewhere as well: the best
+    sight of each, the best first.
+    """
 
     sights: tuple[PartSight, ...]
 
@@ -250,7 +271,9 @@ class UnclearParts:
 
 @dataclass(frozen=True, slots=True)
 class Unexplained:
-    """What is seen and belongs to no part: its pixels, a frame around them, and its middle (x, y, z) in the frame of the eye."""
+    """What is seen and belongs to no part: its pixels, a frame around them, and its middle (x,
+    y, z) in the frame of the eye.
+    """
 
     pixels: int
     window: PixelWindow
@@ -259,7 +282,9 @@ class Unexplained:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recognised:
-    """The parts that are seen, what is unclear, what belongs to no part, and why each of the other parts is not found."""
+    """The parts that are seen, what is unclear, what belongs to no part, and why each of the
+    other parts is not found.
+    """
 
     named: tuple[NamedPart, ...] = ()
     unclear: tuple[UnclearParts, ...] = ()

@@ -1,7 +1,8 @@
 """Workflow stages in ground plans: their fluents, and replays that reach stages early.
 
-Searches reach stages that are fluents by internal operators, where they please. To reach a stage early is never worse, so
-here each internal operator stands just behind the step that makes it possible, or is joined with it.
+Searches reach stages that are fluents by internal operators, where they please. To reach a stage
+early is never worse, so here each internal operator stands just behind the step that makes it
+possible, or is joined with it.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -41,7 +42,10 @@ Instances = Mapping[Function, list[GroundOperator]]
 
 
 def operators_by_instance(task: GroundTask) -> Instances:
-    """The ground operators of each instance. They differ in supports and in the stages that they reach."""
+    """The ground operators of each instance.
+
+    They differ in supports and in the stages that they reach.
+    """
     operators: dict[Function, list[GroundOperator]] = {}
     for operator in task.operators:
         operators.setdefault(operator.instance, []).append(operator)
@@ -56,7 +60,9 @@ def reaching_operators(task: GroundTask) -> list[GroundOperator]:
 def settling_operators(state: Bits, reaching: Sequence[GroundOperator]) -> Iterator[GroundOperator]:
     """The internal operators that are taken at once in a state, one after another."""
     while ready := [
-        reaching_operator for reaching_operator in reaching if not reaching_operator.preconditions & ~state
+        reaching_operator
+        for reaching_operator in reaching
+        if not reaching_operator.preconditions & ~state
     ]:
         for ready_operator in ready:
             if not ready_operator.preconditions & ~state:
@@ -72,13 +78,17 @@ def settle_stages(task: GroundTask, state: Bits) -> Bits:
 
 
 def _executable_step(task: GroundTask, step: GroundOperator, state: Bits) -> GroundOperator:
-    """The step, or an operator with the same instance and effects whose conditions hold where those of the step do not.
+    """The step, or an operator with the same instance and effects whose conditions hold where those
+    of the step do not.
 
-    The other one may differ in the stages that it reaches: in another order of the steps an earlier one may have reached them.
+    The other one may differ in the stages that it reaches: in another order of the steps an earlier
+    one may have reached them.
     """
     if not step.preconditions & ~state:
         return step
-    others = [o for o in task.operators if o.instance == step.instance and not o.preconditions & ~state]
+    others = [
+        o for o in task.operators if o.instance == step.instance and not o.preconditions & ~state
+    ]
     alike = [
         other_operator
         for other_operator in others
@@ -94,7 +104,9 @@ def _stage_atoms(task: GroundTask) -> Bits:
 
 
 def reach_stages_early(task: GroundTask, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
-    """The same steps with every stage reached as early as possible; as they are if that bars a step or a goal."""
+    """The same steps with every stage reached as early as possible; as they are if that bars a
+    step or a goal.
+    """
     reaching = reaching_operators(task)
     if not reaching:
         return list(steps)
@@ -118,8 +130,8 @@ def join_stages(
 ) -> tuple[list[GroundOperator], Bits]:
     """The steps, each with the stages that it reaches, and what must hold at the end for the goals.
 
-    A stage that held before its step reached it, that still holds at the end, and that nothing waits for, is left to the
-    end: nothing need be ordered for it.
+    A stage that held before its step reached it, that still holds at the end, and that nothing
+    waits for, is left to the end: nothing need be ordered for it.
     """
     stages = _stage_atoms(task)
     steps = reach_stages_early(task, steps)
@@ -152,7 +164,9 @@ def _late_stages(
         step = steps[place]
         held = step.preconditions & ~step.deletes
         new = held & steps[triggers[place]].adds & ~stages
-        if step.instance.name == STAGE_OPERATOR and not (step.adds & needed or held & ~final or new):
+        if step.instance.name == STAGE_OPERATOR and not (
+            step.adds & needed or held & ~final or new
+        ):
             late.append(place)
             goals = goals & ~step.adds | step.preconditions
         else:
@@ -178,14 +192,18 @@ def _add_stage(step: GroundOperator, reaching: GroundOperator, before: Bits) -> 
 def replay_instances(
     task: GroundTask, known: Instances, state: Bits, steps: Iterable[Function]
 ) -> list[GroundOperator] | None:
-    """The operators of the task for instances that are applied one after another from a state, with the internal ones that
-    reach stages between them; None if an instance cannot be applied.
+    """The operators of the task for instances that are applied one after another from a state, with
+    the internal ones that reach stages between them; None if an instance cannot be applied.
 
     If several ground operators fit an instance, the one that reaches most stages is taken.
     """
     reaching, replayed_steps = reaching_operators(task), list[GroundOperator]()
     for instance in steps:
-        fitting = [candidate for candidate in known.get(instance, ()) if not candidate.preconditions & ~state]
+        fitting = [
+            candidate
+            for candidate in known.get(instance, ())
+            if not candidate.preconditions & ~state
+        ]
         if not fitting:
             return None
         best = max(fitting, key=lambda candidate: (candidate.adds & ~state).bit_count())
@@ -198,17 +216,30 @@ def replay_instances(
 
 
 def reached_goals(task: GroundTask, state: Bits) -> Bits | None:
-    """The alternative of the goals that holds in a closed state, with fluents from which its derived atoms follow."""
+    """The alternative of the goals that holds in a closed state, with fluents from which its
+    derived atoms follow.
+    """
     goal_atoms = next((goal for goal in task.goals if not goal & ~state), None)
-    return goal_atoms if goal_atoms is None or task.axioms is None else task.axioms.support(state, goal_atoms)
+    return (
+        goal_atoms
+        if goal_atoms is None or task.axioms is None
+        else task.axioms.support(state, goal_atoms)
+    )
 
 
 def reached_at_the_end(task: GroundTask, state: Bits) -> Bits | None:
-    """As `reached_goals`, if the plan ended here: of atoms that only internal operators add at its end, it has what these need."""
-    added: dict[Bits, Bits] = {each.adds: 0 for each in task.operators if each.instance.name == ENDS}
+    """As `reached_goals`, if the plan ended here: of atoms that only internal operators add at
+    its end, it has what these need.
+    """
+    added: dict[Bits, Bits] = {
+        each.adds: 0 for each in task.operators if each.instance.name == ENDS
+    }
     ended = sum(added)
     for candidate in task.operators:
-        if candidate.instance.name == MEETS and not (needed := candidate.preconditions & ~ended) & ~state:
+        if (
+            candidate.instance.name == MEETS
+            and not (needed := candidate.preconditions & ~ended) & ~state
+        ):
             added.setdefault(candidate.adds, needed)
     whole = state
     for atoms in added:

@@ -1,8 +1,8 @@
 """The only way to clingo: texts are checked, programs grounded, and their true atoms read.
 
-Programs that are grounded here are stratified, so the grounder evaluates them and no solver runs. Large
-results leave as tables of integers, through one theory atom for each table. clingo writes its text in C++,
-which is about six times faster than asking for symbols one by one.
+Programs that are grounded here are stratified, so the grounder evaluates them and no solver runs.
+Large results leave as tables of integers, through one theory atom for each table. clingo writes its
+text in C++, which is about six times faster than asking for symbols one by one.
 """
 
 import re
@@ -18,7 +18,10 @@ from cellwright.kb.terms import Function, Number, Term, Text, is_ground
 
 
 class AspError(Exception):
-    """clingo refused a program. `messages` are (line, column, text); lines of that text count from 1."""
+    """clingo refused a program.
+
+    `messages` are (line, column, text); lines of that text count from 1.
+    """
 
     def __init__(self, messages: Iterable[tuple[int, int, str]]) -> None:
         self.messages = list(messages)
@@ -28,7 +31,9 @@ class AspError(Exception):
 class Messages:
     """Collects clingo's messages; they are not printed."""
 
-    _PLACE = re.compile(r"<?[\w-]*>?:(\d+):(\d+)(?:-[\d:]+)?: (?:error|info|warning): (.*)", re.DOTALL)
+    _PLACE = re.compile(
+        r"<?[\w-]*>?:(\d+):(\d+)(?:-[\d:]+)?: (?:error|info|warning): (.*)", re.DOTALL
+    )
 
     def __init__(self) -> None:
         self.heard: list[tuple[int, int, str]] = []
@@ -40,7 +45,9 @@ class Messages:
         """Stores a message, with its place in the text as line and column."""
         place_match = self._PLACE.match(text)
         line, column, message = (
-            (int(place_match[1]), int(place_match[2]), place_match[3]) if place_match else (0, 0, text)
+            (int(place_match[1]), int(place_match[2]), place_match[3])
+            if place_match
+            else (0, 0, text)
         )
         self.heard.append((line, column, " ".join(message.split())))
 
@@ -59,7 +66,8 @@ class Grounder:
         self._read: dict[tuple[str, int, bool], list[Function]] = {}
 
     def know(self, given: Mapping[tuple[str, int], Mapping[Function, None]]) -> None:
-        """Take all true atoms of some predicates as they are given: that is quicker than to ask clingo for each.
+        """Take all true atoms of some predicates as they are given: that is quicker than to ask
+        clingo for each.
 
         They must be what clingo would say, also after further text is grounded.
         """
@@ -68,7 +76,8 @@ class Grounder:
     def ground(self, text: str) -> None:
         """Adds statements, and everything that follows from them.
 
-        Raises `AspError`, and what `cellwright.kb.asp.bounded_grounding` raises where that takes too long.
+        Raises `AspError`, and what `cellwright.kb.asp.bounded_grounding` raises where that takes
+        too long.
         """
         if not text or text.isspace():
             return
@@ -93,7 +102,9 @@ class Grounder:
         return given_facts.keys() if given_facts is not None else self._true(predicate, arity)
 
     def _true(self, predicate: str, arity: int, positive: bool = True) -> list[Function]:
-        """Every true atom of a predicate, read from clingo once: planner and checker ask for the same ones."""
+        """Every true atom of a predicate, read from clingo once: planner and checker ask for
+        the same ones.
+        """
         key = predicate, arity, positive
         if key not in self._read:
             symbolic_atoms = self._control.symbolic_atoms.by_signature(predicate, arity, positive)
@@ -101,7 +112,9 @@ class Grounder:
         return self._read[key]
 
     def column(self, predicate: str, arity: int, number: int) -> list[str]:
-        """The texts of one argument of every true atom of a predicate: its other arguments are not read."""
+        """The texts of one argument of every true atom of a predicate: its other arguments are
+        not read.
+        """
         symbolic_atoms = self._control.symbolic_atoms.by_signature(predicate, arity)
         return [str(atom.symbol.arguments[number]) for atom in symbolic_atoms]
 
@@ -137,7 +150,9 @@ class Grounder:
         self._tables += len(columns)
         self.ground("\n".join(statements))
         tables = {
-            name: IntegerTable([[]] * len(self.atoms(name, 0))) for name in arities if name not in columns
+            name: IntegerTable([[]] * len(self.atoms(name, 0)))
+            for name in arities
+            if name not in columns
         }
         names = list(columns)
         for atom in self._control.theory_atoms:
@@ -148,13 +163,20 @@ class Grounder:
 
 
 def _read_fact(symbol: clingo.Symbol) -> Function:
-    """An atom. Most are read from their text, which clingo writes in less time than it gives arguments one by one."""
+    """An atom. Most are read from their text, which clingo writes in less time than it gives
+    arguments one by one.
+    """
     text = str(symbol)
-    bare = text.lstrip("_")  # what grounding invents has names with a bar in front, which is no plain name
+    # what grounding invents has names with a bar in front, which is no plain name
+    bare = text.lstrip("_")
     plain = plain_terms(bare)
     fact = plain[0] if plain is not None else term_of_symbol(symbol)
     assert isinstance(fact, Function)
-    return fact if plain is None or bare == text else Function(text[: -len(bare)] + fact.name, fact.arguments)
+    return (
+        fact
+        if plain is None or bare == text
+        else Function(text[: -len(bare)] + fact.name, fact.arguments)
+    )
 
 
 def term_of_symbol(symbol: clingo.Symbol) -> Term:
@@ -184,7 +206,10 @@ def clingo_symbol(ground: Term) -> clingo.Symbol:
 
 
 def ground_term(text: str) -> Term:
-    """A ground term from its text, read in a fast way. Arithmetic in it is evaluated. Raises `AspError`."""
+    """A ground term from its text, read in a fast way.
+
+    Arithmetic in it is evaluated. Raises `AspError`.
+    """
     plain = plain_terms(text)
     if plain is not None and len(plain) == 1 and is_ground(plain[0]):
         return plain[0]
@@ -240,14 +265,20 @@ def find_unsafe_text(text: str, longest: int = 65_536) -> Suspicion | None:
 
 _ORDINARY = re.compile(r"(?:[a-zA-Z_(), ]|[0-9](?![0-9]{8}))*")
 _BLANKED = re.compile(r'%\*.*?\*%|%[^\n]*|"(?:\\.|[^"\\\n])*"', re.DOTALL)
-_SUSPICIOUS = re.compile(r"#\s*(?:include|script)\b|[0-9]{10,}|\.\.|[][(){},;.~^?&|*/\\+-]|[^\x01-\x7f]")
+_SUSPICIOUS = re.compile(
+    r"#\s*(?:include|script)\b|[0-9]{10,}|\.\.|[][(){},;.~^?&|*/\\+-]|[^\x01-\x7f]"
+)
 
 
 def _refusal_reason(sign: str, depth: int, operations: int, parts: int) -> tuple[str, ...] | None:
     if sign.endswith("script"):
         return "#script is not allowed: domain files are data", "express it as rules"
     if sign.startswith("#"):
-        return "#include is not part of the language", "list the file under `include:` in domain.yaml", "K203"
+        return (
+            "#include is not part of the language",
+            "list the file under `include:` in domain.yaml",
+            "K203",
+        )
     if not sign.isascii() or sign == "\0":
         return (
             f"unexpected '{sign}'" if sign != "\0" else "a NUL",
@@ -259,7 +290,15 @@ def _refusal_reason(sign: str, depth: int, operations: int, parts: int) -> tuple
     if depth > MAX_ASP_NESTING:
         return f"nested deeper than {MAX_ASP_NESTING} brackets", "no term needs so many", "K007"
     if operations > MAX_ASP_OPERATIONS:
-        return f"more than {MAX_ASP_OPERATIONS} operations in one term", "compute it beforehand", "K007"
+        return (
+            f"more than {MAX_ASP_OPERATIONS} operations in one term",
+            "compute it beforehand",
+            "K007",
+        )
     if parts > MAX_STATEMENT_PARTS:
-        return f"more than {MAX_STATEMENT_PARTS} parts in one statement", "write several statements", "K007"
+        return (
+            f"more than {MAX_STATEMENT_PARTS} parts in one statement",
+            "write several statements",
+            "K007",
+        )
     return None

@@ -1,8 +1,9 @@
 """Grounding in a thread of its own, within limits of time and memory.
 
-clingo listens to nobody while it grounds. So it grounds in a thread of its own, and the thread that waits for it looks at
-the clock and at the memory, and asks whether to stop. A grounding that is given up goes on in the background until it
-ends by itself or the process does: `is_left_behind` tells the command line to end the process at once.
+clingo listens to nobody while it grounds. So it grounds in a thread of its own, and the thread that
+waits for it looks at the clock and at the memory, and asks whether to stop. A grounding that is
+given up goes on in the background until it ends by itself or the process does: `is_left_behind`
+tells the command line to end the process at once.
 """
 
 import os
@@ -26,8 +27,9 @@ class GroundingTooLarge(Exception):
 def run_bounded(ground: Callable[[], None]) -> None:
     """Call `ground`, and raise what it raises.
 
-    Raises `TooLarge`, `MemoryError` if the operating system gives it no more memory, and `cellwright.kb.stopping.StoppedByCaller`, also if whoever
-    watches the memory of the whole process has raised a `MemoryError` meanwhile.
+    Raises `TooLarge`, `MemoryError` if the operating system gives it no more memory, and
+    `cellwright.kb.stopping.StoppedByCaller`, also if whoever watches the memory of the whole
+    process has raised a `MemoryError` meanwhile.
     """
     watch = _Grounding(ground)
     watch.start()
@@ -72,7 +74,10 @@ def _await_grounding(watch: _Grounding) -> None:
     if watch.done.wait(GROUNDING_POLL_S):
         watch.join()
         return
-    spent, size = time.process_time() + MAX_GROUNDING_S, _resident_bytes() + MAX_GROUNDING_MB * 2**20
+    spent, size = (
+        time.process_time() + MAX_GROUNDING_S,
+        _resident_bytes() + MAX_GROUNDING_MB * 2**20,
+    )
     while not watch.done.wait(GROUNDING_POLL_S):
         if stopping.is_stop_wanted():
             raise stopping.StoppedByCaller

@@ -1,11 +1,12 @@
 """Excerpts of large problems: most objects of which many are alike are left out.
 
-Facts are evaluated by clingo over all objects of a problem, although a plan for one measurement asks for few of them. So
-objects are left out before. Two objects are alike if exchanging them changes no fact that operators can read, no rule, no
-goal, and no fact of the state. Of a class of alike objects as many stay as a rule has variables, and some more. A rule
-cannot tell more objects than it has variables, so nothing changes for those that stay (Immerman 1982: formulas with v
-variables do not tell sets of v and of more elements apart). Rules that count, or that order objects, can tell; a
-problem with such rules stays whole.
+Facts are evaluated by clingo over all objects of a problem, although a plan for one measurement
+asks for few of them. So objects are left out before. Two objects are alike if exchanging them
+changes no fact that operators can read, no rule, no goal, and no fact of the state. Of a class of
+alike objects as many stay as a rule has variables, and some more. A rule cannot tell more objects
+than it has variables, so nothing changes for those that stay (Immerman 1982: formulas with v
+variables do not tell sets of v and of more elements apart). Rules that count, or that order
+objects, can tell; a problem with such rules stays whole.
 """
 
 import re
@@ -44,13 +45,19 @@ def excerpt_problem(problem: Problem, named: Collection[str] = ()) -> Problem:
     """
     domain = problem.domain
     counts = Counter(problem.objects.values())
-    if max(counts.values(), default=0) <= (widest := _max_variables(domain)) or _tells_apart(domain):
+    if max(counts.values(), default=0) <= (widest := _max_variables(domain)) or _tells_apart(
+        domain
+    ):
         return problem
     most = {type_: widest + 1 + most_at_once(domain, type_) for type_ in counts}
-    many = {type_ for type_, count in counts.items() if count > most[type_]} - _ranged_types(domain, counts)
+    many = {type_ for type_, count in counts.items() if count > most[type_]} - _ranged_types(
+        domain, counts
+    )
     fixed = {*named, *_named_objects(problem)}
     free = {
-        name: type_ for name, type_ in free_objects(problem).items() if type_ in many and name not in fixed
+        name: type_
+        for name, type_ in free_objects(problem).items()
+        if type_ in many and name not in fixed
     }
     free = {name: type_ for name, type_ in free.items() if name in problem.objects}
     if not free:
@@ -72,13 +79,18 @@ def _drop_objects(problem: Problem, gone: set[str]) -> Problem:
     )
 
 
-def _facts_without(facts: Iterable[Atom], named: Iterable[Iterable[str]], gone: set[str]) -> tuple[Atom, ...]:
+def _facts_without(
+    facts: Iterable[Atom], named: Iterable[Iterable[str]], gone: set[str]
+) -> tuple[Atom, ...]:
     return tuple(fact for fact, about in zip(facts, named, strict=True) if gone.isdisjoint(about))
 
 
 @lru_cache(maxsize=2)
 def _names_of(facts: tuple[Atom, ...]) -> tuple[tuple[str, ...], ...]:
-    """The objects that each fact names. A problem's facts are asked for again when its plan is checked."""
+    """The objects that each fact names.
+
+    A problem's facts are asked for again when its plan is checked.
+    """
     return tuple(tuple(constant_names(fact)) for fact in facts)
 
 
@@ -94,10 +106,14 @@ def _named_objects(problem: Problem) -> Iterator[str]:
 
 
 def _ranged_types(domain: Domain, types: Iterable[str]) -> set[str]:
-    """Those of some types over whose objects defaults range: which of several defaults holds is a matter of names."""
+    """Those of some types over whose objects defaults range: which of several defaults holds is
+    a matter of names.
+    """
     ranged = {parameter.type for default in domain.defaults for parameter in default.parameters}
     return {
-        type_ for type_ in types if any(_may_name(domain, default_type, type_) for default_type in ranged)
+        type_
+        for type_ in types
+        if any(_may_name(domain, default_type, type_) for default_type in ranged)
     }
 
 
@@ -106,19 +122,26 @@ def _may_name(domain: Domain, wanted: str, type_: str) -> bool:
     if domain.is_subtype(type_, wanted):
         return True
     functions = (
-        function for function in domain.functions.values() if domain.is_subtype(function.result, wanted)
+        function
+        for function in domain.functions.values()
+        if domain.is_subtype(function.result, wanted)
     )
     return any(
-        _may_name(domain, argument, type_) for function in functions for argument in function.arguments
+        _may_name(domain, argument, type_)
+        for function in functions
+        for argument in function.arguments
     )
 
 
 def _readable_predicates(domain: Domain) -> set[str]:
     """The predicates and types that anything but the rules of the domain can read.
 
-    Travel times tie all places to one another; they change how long a plan lasts, and not what is possible.
+    Travel times tie all places to one another; they change how long a plan lasts, and not what is
+    possible.
     """
-    spoken = {name for terms in _statement_terms(domain) for term in terms for name in _names_inside(term)}
+    spoken = {
+        name for terms in _statement_terms(domain) for term in terms for name in _names_inside(term)
+    }
     return {VIOLATED, *domain.types, *(spoken - {domain.conventions.travel})}
 
 
@@ -172,7 +195,8 @@ def _condition_terms(parts: Iterable[Condition]) -> Iterator[Term]:
 def _max_variables(domain: Domain) -> int:
     """The most variables of a rule or of anything like it; each `_` counts as one."""
     occurrences = [
-        (statement.variables, ASP_VARIABLE.findall(statement.text).count("_")) for statement in domain.asp
+        (statement.variables, ASP_VARIABLE.findall(statement.text).count("_"))
+        for statement in domain.asp
     ]
     for terms in _statement_terms(domain):
         own = [v.name for statement_term in terms for v in term_variables(statement_term)]
@@ -183,7 +207,9 @@ def _max_variables(domain: Domain) -> int:
 def _tells_apart(domain: Domain) -> bool:
     """Whether something in the domain may count objects, or order them."""
     if any(
-        not isinstance(part, Literal | Comparison) for default in domain.defaults for part in default.body
+        not isinstance(part, Literal | Comparison)
+        for default in domain.defaults
+        for part in default.body
     ):
         return True
     return any(map(_counts_objects, domain.asp)) or any(
@@ -199,17 +225,33 @@ def _ordered_variables(domain: Domain) -> Iterator[tuple[list[Atom], set[str]]]:
     """For each rule the atoms that bind its variables, and the variables that it puts in order."""
     for statement in domain.asp:
         parts = [QUOTED_TEXT.sub("_", part) for part in statement.body]
-        ordered = {name for part in parts if ORDER_SIGN.search(part) for name in ASP_VARIABLE.findall(part)}
+        ordered = {
+            name for part in parts if ORDER_SIGN.search(part) for name in ASP_VARIABLE.findall(part)
+        }
         yield (
-            [atom for part in parts for atom in plain_terms(part) or () if isinstance(atom, Function)],
+            [
+                atom
+                for part in parts
+                for atom in plain_terms(part) or ()
+                if isinstance(atom, Function)
+            ],
             ordered,
         )
     for body in domain_bodies(domain):
         atoms = [part.atom for part in body if isinstance(part, Literal)]
-        orders = [part for part in body if isinstance(part, Comparison) and part.relation in ORDER_RELATIONS]
+        orders = [
+            part
+            for part in body
+            if isinstance(part, Comparison) and part.relation in ORDER_RELATIONS
+        ]
         yield (
             atoms,
-            {v.name for part in orders for side in (part.left, part.right) for v in term_variables(side)},
+            {
+                v.name
+                for part in orders
+                for side in (part.left, part.right)
+                for v in term_variables(side)
+            },
         )
 
 
@@ -222,6 +264,8 @@ def _orders_objects(domain: Domain, rule: tuple[list[Atom], set[str]]) -> bool:
 def _number_variables(domain: Domain, atom: Atom) -> Iterator[str]:
     """The variables in an atom that can only be numbers."""
     declared = domain.predicates.get(atom.name)
-    for argument, type_ in zip(atom.arguments, declared.arguments if declared else (), strict=False):
+    for argument, type_ in zip(
+        atom.arguments, declared.arguments if declared else (), strict=False
+    ):
         if isinstance(argument, Variable) and type_ in NUMERIC_TYPES:
             yield argument.name

@@ -1,6 +1,7 @@
 """Tables of integers read from clingo's text: lists if they are small, arrays if large.
 
-NumPy is imported only for large tables, because importing it takes longer than grounding a small problem.
+NumPy is imported only for large tables, because importing it takes longer than grounding a small
+problem.
 """
 
 from collections.abc import Iterator
@@ -13,14 +14,18 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.int64]
 
-LARGE_TABLE_CHARACTERS = 300_000  # characters of text; from this length on NumPy is worth its import
+# characters of text; from this length on NumPy is worth its import
+LARGE_TABLE_CHARACTERS = 300_000
 CHUNK_ROWS = 10_000  # rows that are Python numbers at the same time
-LARGEST_KEY = 2**62  # if the spans of the columns multiply to less, each row is sorted by one integer
+# if the spans of the columns multiply to less, each row is sorted by one integer
+LARGEST_KEY = 2**62
 _NUMBERS_ALONE = str.maketrans(";", ",", "()")  # clingo writes a negative number as (-1)
 
 
 class IntegerTable:
-    """Different rows of integers in lexicographic order, so that nothing depends on clingo's order."""
+    """Different rows of integers in lexicographic order, so that nothing depends on clingo's
+    order.
+    """
 
     def __init__(self, rows: "list[list[int]] | Array") -> None:
         self._rows = rows

@@ -13,17 +13,20 @@ from cellwright.kb.terms import Function, Number
 
 @dataclass(frozen=True, slots=True)
 class ShownModel:
-    """What a stable model shows: terms of one name, sorted, and the texts of all others, which nobody reads."""
+    """What a stable model shows: terms of one name, sorted, and the texts of all others, which
+    nobody reads.
+    """
 
     terms: tuple[Function, ...]
     others: frozenset[str]
 
 
 def enumerate_models(text: str, shown: str, read: str, limit: int) -> Iterator[ShownModel]:
-    """The arguments of the unary predicate `shown` in each stable model; those named `read` as terms.
+    """The arguments of the unary predicate `shown` in each stable model; those named `read` as
+    terms.
 
-    Each set comes once; at most `limit` sets. clingo searches with one thread and a fixed configuration, so
-    the order repeats. Raises `AspError`.
+    Each set comes once; at most `limit` sets. clingo searches with one thread and a fixed
+    configuration, so the order repeats. Raises `AspError`.
     """
     messages = Messages()
     options = ["--warn=none", f"--models={limit}", "--project=project", "--configuration=tweety"]
@@ -41,7 +44,8 @@ def enumerate_models(text: str, shown: str, read: str, limit: int) -> Iterator[S
             terms = [term_of_symbol(argument) for argument in itertools.compress(arguments, own)]
             atoms = sorted((term for term in terms if isinstance(term, Function)), key=str)
             yield ShownModel(
-                tuple(atoms), frozenset(t for t, is_read in zip(texts, own, strict=True) if not is_read)
+                tuple(atoms),
+                frozenset(t for t, is_read in zip(texts, own, strict=True) if not is_read),
             )
 
 
@@ -55,12 +59,12 @@ def best_models(
     options: tuple[str, ...] = (),
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Iterator[tuple[int, tuple[Function, ...]]]:
-    """The cost and the arguments of the unary predicate `shown` in optimal models, without those that contain
-    an earlier one.
+    """The cost and the arguments of the unary predicate `shown` in optimal models, without those
+    that contain an earlier one.
 
-    If each atom has a cost of its own, these are the minimal sets, the cheapest first. At most `limit` models
-    are given. When `interrupted` returns True, no more models come after the first one. clingo searches with
-    one thread, so that the order repeats. Raises `AspError`.
+    If each atom has a cost of its own, these are the minimal sets, the cheapest first. At most
+    `limit` models are given. When `interrupted` returns True, no more models come after the first
+    one. clingo searches with one thread, so that the order repeats. Raises `AspError`.
     """
     messages = Messages()
     control = clingo.Control(["--warn=none", *options], logger=messages, message_limit=50)
@@ -83,12 +87,15 @@ def best_models(
 def _search_optimum(
     control: clingo.Control, interrupted: Callable[[], bool]
 ) -> tuple[int, tuple[Function, ...]] | None:
-    """The optimal model, which is the last one of a search; None if there is no model or no time."""
+    """The optimal model, which is the last one of a search; None if there is no model or no
+    time.
+    """
     best = None
     with control.solve(yield_=True, async_=True) as models:
         while True:
             models.resume()
-            while not models.wait(OPTIMUM_POLL_S):  # clingo holds no lock here, so that Python hears Ctrl-C
+            # clingo holds no lock here, so that Python hears Ctrl-C
+            while not models.wait(OPTIMUM_POLL_S):
                 if interrupted():
                     models.cancel()
                     return None
@@ -101,7 +108,11 @@ def _search_optimum(
 
 
 class Questions:
-    """A grounded program with atoms `a(number)`. Raises `AspError`, and what `cellwright.kb.asp.bounded_grounding` raises where grounding takes too long."""
+    """A grounded program with atoms `a(number)`.
+
+    Raises `AspError`, and what `cellwright.kb.asp.bounded_grounding` raises where grounding takes
+    too long.
+    """
 
     def __init__(self, text: str) -> None:
         messages = Messages()
@@ -121,7 +132,9 @@ class Questions:
 
 
 Shown = frozenset[tuple[int, ...]] | bool | None
-"""The arguments of the shown atoms of a model; False if there is no model; None if this is unknown."""
+"""The arguments of the shown atoms of a model; False if there is no model; None if this is
+unknown.
+"""
 
 SOLVE_POLL_S = 0.05  # seconds between two checks whether to stop
 
@@ -132,9 +145,13 @@ class MultiShotSolver:
     clingo searches with one thread and a fixed configuration, so that answers repeat.
     """
 
-    def __init__(self, parts: Mapping[str, tuple[Sequence[str], str]], options: Sequence[str] = ()) -> None:
+    def __init__(
+        self, parts: Mapping[str, tuple[Sequence[str], str]], options: Sequence[str] = ()
+    ) -> None:
         self._messages = Messages()
-        self._control = clingo.Control(["--warn=none", *options], logger=self._messages, message_limit=50)
+        self._control = clingo.Control(
+            ["--warn=none", *options], logger=self._messages, message_limit=50
+        )
         self.conflicts = 0
         try:
             for name, (parameters, text) in parts.items():
@@ -145,15 +162,21 @@ class MultiShotSolver:
     def ground(self, parts: Iterable[tuple[str, Sequence[int]]]) -> None:
         """Grounds parts with numbers for their parameters. Raises `AspError`."""
         try:
-            parts_to_ground = [(name, [clingo.Number(n) for n in numbers]) for name, numbers in parts]
+            parts_to_ground = [
+                (name, [clingo.Number(n) for n in numbers]) for name, numbers in parts
+            ]
             run_bounded(lambda: self._control.ground(parts_to_ground))
         except RuntimeError as error:
             raise AspError(self._messages.heard or [(0, 0, str(error))]) from None
 
-    def solve(self, assumed: Iterable[Function], conflicts: int, interrupted: Callable[[], bool]) -> Shown:
-        """The arguments of the shown atoms of a model; False if there is none; None if the limit came first.
+    def solve(
+        self, assumed: Iterable[Function], conflicts: int, interrupted: Callable[[], bool]
+    ) -> Shown:
+        """The arguments of the shown atoms of a model; False if there is none; None if the limit
+        came first.
 
-        Shown atoms have numbers as arguments. External atoms are false, except those that are `assumed`.
+        Shown atoms have numbers as arguments. External atoms are false, except those that are
+        `assumed`.
         """
         self._control.configuration.solve.solve_limit = str(max(conflicts, 1))  # type: ignore[union-attr]
         names = [_number_symbol(atom) for atom in assumed]

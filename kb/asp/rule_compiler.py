@@ -40,7 +40,8 @@ def compile_rule(rule: ast.AST) -> tuple[Atom, Body]:
         outside.update(v for _, term in _aggregate_guards(node.atom) for v in term_variables(term))
     waiting = iter(plain)
     body: list[BodyPart] = [
-        _compile_aggregate(node, outside) if _is_aggregate(node) else next(waiting) for node in rule.body
+        _compile_aggregate(node, outside) if _is_aggregate(node) else next(waiting)
+        for node in rule.body
     ]
     return head, tuple(body)
 
@@ -58,7 +59,9 @@ def _compile_aggregate(node: ast.AST, outside: set[Variable]) -> StateAggregate:
     if name is None or node.sign == ast.Sign.DoubleNegation:
         raise NotCompilable(str(node))
     elements = tuple(
-        Element(tuple(map(compile_term, element.terms)), tuple(map(compile_literal, element.condition)))
+        Element(
+            tuple(map(compile_term, element.terms)), tuple(map(compile_literal, element.condition))
+        )
         for element in node.atom.elements
     )
     used = [v for element in elements for term in element.terms for v in term_variables(term)]
@@ -81,7 +84,10 @@ def _aggregate_guards(aggregate: ast.AST) -> tuple[tuple[str, Term], ...]:
         )
     if aggregate.right_guard is not None:
         guards.append(
-            (relation_sign(aggregate.right_guard.comparison), compile_term(aggregate.right_guard.term))
+            (
+                relation_sign(aggregate.right_guard.comparison),
+                compile_term(aggregate.right_guard.term),
+            )
         )
     if not guards:
         raise NotCompilable(str(aggregate))
@@ -98,7 +104,9 @@ def compile_literal(node: ast.AST) -> Literal | Comparison:
         case ast.ASTType.Comparison, ast.Sign.NoSign if len(node.atom.guards) == 1:
             guard = node.atom.guards[0]
             return Comparison(
-                compile_term(node.atom.term), relation_sign(guard.comparison), compile_term(guard.term)
+                compile_term(node.atom.term),
+                relation_sign(guard.comparison),
+                compile_term(guard.term),
             )
         case _:
             raise NotCompilable(str(node))
@@ -123,7 +131,11 @@ def compile_term(node: ast.AST) -> Term:
             )
         case ast.ASTType.UnaryOperation if node.operator_type == ast.UnaryOperator.Minus:
             inside = compile_term(node.argument)
-            return Number(-inside.value) if isinstance(inside, Number) else Operation("-", Number(0), inside)
+            return (
+                Number(-inside.value)
+                if isinstance(inside, Number)
+                else Operation("-", Number(0), inside)
+            )
     raise NotCompilable(str(node))
 
 
@@ -169,7 +181,10 @@ _RELATION_SIGNS = {
 
 @dataclass(frozen=True, slots=True)
 class ReadBody:
-    """The literals and comparisons of a body. `counted` are texts that bind the variables of aggregates."""
+    """The literals and comparisons of a body.
+
+    `counted` are texts that bind the variables of aggregates.
+    """
 
     literals: tuple[Literal, ...] = ()
     comparisons: tuple[Comparison, ...] = ()
@@ -177,16 +192,22 @@ class ReadBody:
 
 
 def read_body(text: str) -> ReadBody:
-    """What can be read of a body given as ASP text; parts that the model has no value for are left out."""
+    """What can be read of a body given as ASP text; parts that the model has no value for are
+    left out.
+    """
     nodes: list[ast.AST] = []
     ast.parse_string(f":- {text}.", nodes.append)
     literals: list[Literal] = []
     comparisons: list[Comparison] = []
     counted: list[tuple[Variable, str]] = []
-    for node in (body_node for rule in nodes if rule.ast_type == ast.ASTType.Rule for body_node in rule.body):
+    for node in (
+        body_node for rule in nodes if rule.ast_type == ast.ASTType.Rule for body_node in rule.body
+    ):
         if node.ast_type == ast.ASTType.Literal and node.atom.ast_type == ast.ASTType.BodyAggregate:
             variable = Variable(f"__A{len(counted)}")
-            counted.append((variable, f"{variable} = {node.atom.update(left_guard=None, right_guard=None)}"))
+            counted.append(
+                (variable, f"{variable} = {node.atom.update(left_guard=None, right_guard=None)}")
+            )
             comparisons += _guard_comparisons(node.atom, variable)
             continue
         try:
@@ -205,7 +226,9 @@ def _guard_comparisons(aggregate: ast.AST, variable: Variable) -> list[Compariso
     for guard in (aggregate.left_guard, aggregate.right_guard):
         try:
             if guard is not None:
-                guards.append(Comparison(compile_term(guard.term), relation_sign(guard.comparison), variable))
+                guards.append(
+                    Comparison(compile_term(guard.term), relation_sign(guard.comparison), variable)
+                )
         except NotCompilable:
             continue
     return guards

@@ -1,6 +1,7 @@
 """The statements of an ASP file: what each defines and uses, and whether it is allowed.
 
-Each access to a node of the tree costs microseconds, so frequent kinds of nodes have readers of their own.
+Each access to a node of the tree costs microseconds, so frequent kinds of nodes have readers of
+their own.
 """
 
 import re
@@ -66,7 +67,9 @@ class RuleReading:
 
     def _predicate(self, symbol: ast.AST) -> None:
         if symbol.ast_type != ast.ASTType.Function:
-            self.strange.append(("classical negation is not part of the language", "write `not`", "K202"))
+            self.strange.append(
+                ("classical negation is not part of the language", "write `not`", "K202")
+            )
             self.read(symbol)
             return
         arguments = list(symbol.arguments)
@@ -161,11 +164,15 @@ def atom_signature(atom: ast.AST) -> Signature:
 
 
 def find_forbidden(rule: ast.AST, reading: RuleReading) -> Strange | None:
-    """The first thing in a rule that is not allowed, such as too large pools and ranges, external functions,
-    classical negation.
+    """The first thing in a rule that is not allowed, such as too large pools and ranges, external
+    functions, classical negation.
     """
     if reading.pools and _count_alternatives(rule) > MAX_POOL_ALTERNATIVES:
-        return f"pools make more than {MAX_POOL_ALTERNATIVES} rules of this one", "use variables", "K007"
+        return (
+            f"pools make more than {MAX_POOL_ALTERNATIVES} rules of this one",
+            "use variables",
+            "K007",
+        )
     return reading.strange[0] if reading.strange else None
 
 
@@ -232,7 +239,8 @@ def read_statements(
     messages, nodes = Messages(), list[ast.AST]()
     try:
         ast.parse_string(text, nodes.append, logger=messages)
-    except (RuntimeError, UnicodeEncodeError) as error:  # half of a pair of surrogates is no character
+    # half of a pair of surrogates is no character
+    except (RuntimeError, UnicodeEncodeError) as error:
         raise AspError(messages.heard or [(0, 0, str(error))]) from None
     for node in nodes:
         if node.ast_type not in _SILENT and str(node) != "#program base.":
@@ -256,10 +264,19 @@ _SILENT = {ast.ASTType.Comment} if hasattr(ast.ASTType, "Comment") else set()
 _REFUSED_STATEMENTS = {
     ast.ASTType.External: ("#external is not part of the language", "declare a fluent"),
     ast.ASTType.Minimize: ("optimisation is not part of the language", "use costs on operators"),
-    ast.ASTType.ShowSignature: ("#show is not part of the language", "remove it: nothing is printed"),
+    ast.ASTType.ShowSignature: (
+        "#show is not part of the language",
+        "remove it: nothing is printed",
+    ),
     ast.ASTType.ShowTerm: ("#show is not part of the language", "remove it: nothing is printed"),
-    ast.ASTType.Program: ("#program is not part of the language", "remove it: all rules belong together"),
-    ast.ASTType.Defined: ("#defined is not part of the language", "declare the predicate in domain.yaml"),
+    ast.ASTType.Program: (
+        "#program is not part of the language",
+        "remove it: all rules belong together",
+    ),
+    ast.ASTType.Defined: (
+        "#defined is not part of the language",
+        "declare the predicate in domain.yaml",
+    ),
 }
 
 
@@ -277,7 +294,9 @@ def _read_statement(
         yield from _read_rules(node, where, pools)
 
 
-def _read_rules(node: ast.AST, where: Source, pools: bool) -> Iterator[ParsedStatement | RefusedStatement]:
+def _read_rules(
+    node: ast.AST, where: Source, pools: bool
+) -> Iterator[ParsedStatement | RefusedStatement]:
     """The rules of a statement: one, or several if it has pools."""
     reading = RuleReading()
     parsed = read_rule(node, where, reading)
@@ -289,7 +308,9 @@ def _read_rules(node: ast.AST, where: Source, pools: bool) -> Iterator[ParsedSta
         yield parsed
 
 
-def read_rule(node: ast.AST, where: Source, reading: RuleReading) -> ParsedStatement | RefusedStatement:
+def read_rule(
+    node: ast.AST, where: Source, reading: RuleReading
+) -> ParsedStatement | RefusedStatement:
     """The value of a rule without pools. `reading` collects its parts."""
     head, body = node.head, list(node.body)
     reading.head(head)
@@ -302,7 +323,9 @@ def read_rule(node: ast.AST, where: Source, reading: RuleReading) -> ParsedState
         defines, head_text = atom_signature(head.atom), str(head)
     elif kind != ast.ASTType.BooleanConstant or head.atom.value:
         return RefusedStatement(
-            where, "a rule's head must be one atom", "choices and disjunctions have no single answer"
+            where,
+            "a rule's head must be one atom",
+            "choices and disjunctions have no single answer",
         )
     statement = Statement(
         str(node),
@@ -320,15 +343,19 @@ def read_rule(node: ast.AST, where: Source, reading: RuleReading) -> ParsedState
 
 
 def plain_fact(text: str, where: Source) -> Statement | None:
-    """The fact that clingo prints as `text` if its arguments are constants and natural numbers, else None.
+    """The fact that clingo prints as `text` if its arguments are constants and natural numbers,
+    else None.
 
-    This is a faster way for files with hundreds of facts: reading their trees takes several times as long.
+    This is a faster way for files with hundreds of facts: reading their trees takes several times
+    as long.
     """
     if (fact := _PLAIN_FACT.fullmatch(text)) is None:
         return None
     arguments = fact[2].split(",") if fact[2] else []
     defines = (fact[1], len(arguments))
-    constants = [(number, argument) for number, argument in enumerate(arguments) if not argument[0].isdigit()]
+    constants = [
+        (number, argument) for number, argument in enumerate(arguments) if not argument[0].isdigit()
+    ]
     return Statement(
         text,
         where,
@@ -339,19 +366,26 @@ def plain_fact(text: str, where: Source) -> Statement | None:
     )
 
 
-_PLAIN_FACT = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\(([a-z0-9][A-Za-z0-9_]*(?:,[a-z0-9][A-Za-z0-9_]*)*)\))?\.")
+_PLAIN_FACT = re.compile(
+    r"([a-z][A-Za-z0-9_]*)(?:\(([a-z0-9][A-Za-z0-9_]*(?:,[a-z0-9][A-Za-z0-9_]*)*)\))?\."
+)
 
 
 def unsafe_rules(rules: Sequence[Statement]) -> Iterator[tuple[Statement, str]]:
     """The rules that have unsafe variables, each with these variables. Nothing is grounded.
 
-    Each body gets an extra atom that is never true. So clingo checks the rules but finds no instance of them.
+    Each body gets an extra atom that is never true. So clingo checks the rules but finds no
+    instance of them.
     """
     heard: list[str] = []
-    control = Control(["--warn=none"], logger=lambda _, text: heard.append(text), message_limit=1000)
+    control = Control(
+        ["--warn=none"], logger=lambda _, text: heard.append(text), message_limit=1000
+    )
     try:
         control.add(
-            "base", [], "\n".join(f"{rule.head} :- {'; '.join((*rule.body, NEVER_TRUE))}." for rule in rules)
+            "base",
+            [],
+            "\n".join(f"{rule.head} :- {'; '.join((*rule.body, NEVER_TRUE))}." for rule in rules),
         )
         run_bounded(lambda: control.ground([("base", [])]))
     except RuntimeError:

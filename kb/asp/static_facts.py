@@ -29,13 +29,16 @@ STATIC_FIELDS = (
     "asp",
 )  # what of a domain static facts depend on
 KEPT_GROUNDERS = 3  # problems whose evaluated facts are kept
-HEAD_NAME = re.compile(r"(?:^|\.)[\s{]*([a-z_]\w*)", re.MULTILINE)  # names with which a statement may begin
+# names with which a statement may begin
+HEAD_NAME = re.compile(r"(?:^|\.)[\s{]*([a-z_]\w*)", re.MULTILINE)
 ASP_RANGE = re.compile(r"([^\s(,;:{]+)\s*\.\.\s*([^\s),;.}]+)")
 
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """An operator, rule or consequence with an upper bound on the number of its instances; infinite if there is none."""
+    """An operator, rule or consequence with an upper bound on the number of its instances;
+    infinite if there is none.
+    """
 
     what: str
     where: Source
@@ -43,7 +46,8 @@ class Suspect:
 
 
 def evaluate_statics(problem: Problem, further: Iterable[str] = ()) -> Grounder:
-    """The static facts of a problem, with `further` rules, for reading only: problems that share them share the grounder.
+    """The static facts of a problem, with `further` rules, for reading only: problems that share
+    them share the grounder.
 
     Raises `InvalidInput` if they take too long or too much memory.
     """
@@ -61,17 +65,25 @@ _recent: deque[tuple[Problem, tuple[str, ...], Grounder]] = deque(maxlen=KEPT_GR
 
 
 def _same_facts(one: Problem, other: Problem) -> bool:
-    """Whether two problems share their static facts, and what their domains say of these; operators may differ."""
-    if any(getattr(one.domain, field) is not getattr(other.domain, field) for field in STATIC_FIELDS):
+    """Whether two problems share their static facts, and what their domains say of these;
+    operators may differ.
+    """
+    if any(
+        getattr(one.domain, field) is not getattr(other.domain, field) for field in STATIC_FIELDS
+    ):
         return False
     pairs = (one.statics, other.statics), (one.objects, other.objects)
     return all(own is others or own == others for own, others in pairs)
 
 
 def ground_statics(
-    grounder: Grounder, problem: Problem, further: Iterable[str] = (), about: Collection[str] | None = None
+    grounder: Grounder,
+    problem: Problem,
+    further: Iterable[str] = (),
+    about: Collection[str] | None = None,
 ) -> None:
-    """Evaluate the static facts of a problem in a new grounder, with `further` rules; or those `about` some predicates.
+    """Evaluate the static facts of a problem in a new grounder, with `further` rules; or those
+    `about` some predicates.
 
     Raises `InvalidInput` as above.
     """
@@ -84,9 +96,12 @@ def ground_statics(
 
 
 def only_given(problem: Problem, further: Iterable[str] = ()) -> dict[Signature, dict[Atom, None]]:
-    """The static atoms of each predicate about which only the problem's own facts and objects speak, and no rule."""
+    """The static atoms of each predicate about which only the problem's own facts and objects
+    speak, and no rule.
+    """
     domain = problem.domain
-    if any(statement.constant for statement in domain.asp):  # a name in a fact may stand for a number
+    # a name in a fact may stand for a number
+    if any(statement.constant for statement in domain.asp):
         return {}
     facts: dict[Signature, dict[Atom, None]] = {}
     for name, type_ in {**domain.objects, **problem.objects}.items():
@@ -106,7 +121,9 @@ def only_given(problem: Problem, further: Iterable[str] = ()) -> dict[Signature,
 
 
 def try_first(suspects: Iterable[Suspect], text: str) -> None:
-    """Ground a text on trial in a process that can be ended, if a suspect may have very many instances. Raises `TooLarge`."""
+    """Ground a text on trial in a process that can be ended, if a suspect may have very many
+    instances. Raises `TooLarge`.
+    """
     if any(suspect.bound > TRIAL_INSTANCES for suspect in suspects) and not _is_affordable(text):
         raise GroundingTooLarge
 
@@ -128,7 +145,9 @@ def within_limits(suspects: Callable[[], Iterable[Suspect]]) -> Iterator[None]:
         yield
     except GroundingTooLarge:
         worst = max(
-            suspects(), key=lambda suspect: suspect.bound, default=Suspect("", Source("grounding"), inf)
+            suspects(),
+            key=lambda suspect: suspect.bound,
+            default=Suspect("", Source("grounding"), inf),
         )
         count = "no upper bound" if worst.bound == inf else f"up to {worst.bound:.0e} instances"
         cause = f"; the most likely cause is {worst.what} ({count})" if worst.what else ""
@@ -138,7 +157,10 @@ def within_limits(suspects: Callable[[], Iterable[Suspect]]) -> Iterator[None]:
 
 
 def static_suspects(problem: Problem) -> Sequence[Suspect]:
-    """The rules of a problem's domain, each with an upper bound on its instances. Problems that share their facts share them."""
+    """The rules of a problem's domain, each with an upper bound on its instances.
+
+    Problems that share their facts share them.
+    """
     for known_problem, known_suspects in _counted:
         if _same_facts(known_problem, problem):
             return known_suspects
@@ -190,7 +212,12 @@ class _Extents:
     def of(self, rule: Statement) -> float:
         """An upper bound on the instances of a rule."""
         read = [use.predicate for use in rule.uses if use.sign is Sign.POSITIVE]
-        atoms = [term for part in rule.body for term in plain_terms(part) or () if isinstance(term, Function)]
+        atoms = [
+            term
+            for part in rule.body
+            for term in plain_terms(part) or ()
+            if isinstance(term, Function)
+        ]
         plain = [(atom.name, len(atom.arguments)) for atom in atoms] == read
         counts = self._joined(atoms) if plain else (self._size(predicate) for predicate in read)
         return min(_count_range_values(rule.text) * prod(counts), UNBOUNDED_INSTANCES)
@@ -203,7 +230,9 @@ class _Extents:
         return self.objects if predicate in self.ruled else 0.0  # nothing says anything of it
 
     def _joined(self, atoms: Sequence[Atom]) -> Iterator[float]:
-        """For each atom of a body how many of it there can be for one binding of the variables before."""
+        """For each atom of a body how many of it there can be for one binding of the variables
+        before.
+        """
         seen = set[Variable]()
         for atom in atoms:
             declared = self.domain.predicates.get(atom.name)
@@ -216,7 +245,9 @@ class _Extents:
                 elif values:
                     values *= self.types.get(type_, inf) if isinstance(argument, Variable) else inf
                 seen |= fresh - {ANYTHING}
-            yield min(self._at_most((atom.name, len(atom.arguments)), tuple(known_arguments)), values)
+            yield min(
+                self._at_most((atom.name, len(atom.arguments)), tuple(known_arguments)), values
+            )
 
     def _at_most(self, predicate: Signature, known: tuple[int, ...]) -> float:
         """How many atoms of a predicate can agree in the arguments that are known."""

@@ -13,8 +13,9 @@ VIOLATED = "_violated"
 def static_program(problem: Problem, about: Collection[str] | None = None) -> str:
     """ASP text with exactly one model, which holds every static fact.
 
-    Constraint n of the domain derives `_violated(n)`. With `about`, the model holds what is true of the predicates that are
-    named there: nothing is said about others, except for those that they rest on.
+    Constraint n of the domain derives `_violated(n)`. With `about`, the model holds what is true of
+    the predicates that are named there: nothing is said about others, except for those that they
+    rest on.
     """
     domain = problem.domain
     needed = None if about is None else dependency_closure(domain, about)
@@ -60,7 +61,9 @@ def _type_rules(domain: Domain) -> Iterator[tuple[str, str]]:
         if any(argument in NUMERIC_TYPES for argument in function.arguments):
             continue
         arguments = tuple(Variable(f"X{index}") for index, _ in enumerate(function.arguments))
-        guards = type_guard(Parameter(v, t) for v, t in zip(arguments, function.arguments, strict=True))
+        guards = type_guard(
+            Parameter(v, t) for v, t in zip(arguments, function.arguments, strict=True)
+        )
         body = f" :- {', '.join(guards)}" if guards else ""
         yield function.result, f"{function.result}({Function(function.name, arguments)}){body}."
 
@@ -72,5 +75,7 @@ def type_guard(parameters: Iterable[Parameter]) -> list[str]:
     """
     unbound = {name for name in BUILT_IN_TYPES if name != OBJECT_TYPE}
     return [
-        f"{parameter.type}({parameter.variable})" for parameter in parameters if parameter.type not in unbound
+        f"{parameter.type}({parameter.variable})"
+        for parameter in parameters
+        if parameter.type not in unbound
     ]

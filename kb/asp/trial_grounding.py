@@ -15,12 +15,12 @@ TRIAL_POLL_S = 0.01  # seconds between two looks whether it has ended
 
 
 def can_be_grounded(text: str) -> bool:
-    """Whether clingo grounds `text` within `SECONDS` of processor time and `MEGABYTES` of additional memory,
-    or within what the command may still take.
+    """Whether clingo grounds `text` within `SECONDS` of processor time and `MEGABYTES` of
+    additional memory, or within what the command may still take.
 
-    clingo cannot be interrupted while it grounds, so a forked child process grounds under limits of the
-    operating system. A text with errors counts as affordable, because the real grounding reports the errors.
-    Raises `cellwright.kb.stopping.StoppedByCaller`.
+    clingo cannot be interrupted while it grounds, so a forked child process grounds under limits of
+    the operating system. A text with errors counts as affordable, because the real grounding
+    reports the errors. Raises `cellwright.kb.stopping.StoppedByCaller`.
     """
     megabytes = int(min(MAX_TRIAL_MB, stopping.megabytes_left()))
     child = os.fork()
@@ -40,7 +40,10 @@ def can_be_grounded(text: str) -> bool:
 
 
 def _await_child(child: int, most: int) -> int:
-    """The status of a child process, once it has ended. It is killed when it has more than so many pages in memory."""
+    """The status of a child process, once it has ended.
+
+    It is killed when it has more than so many pages in memory.
+    """
     while True:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:

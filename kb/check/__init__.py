@@ -2,7 +2,12 @@
 
 from collections.abc import Collection, Iterator
 
-from cellwright.kb.check.near_misses import misspelt_heads, near_misses, never_given_back, read_by_engine
+from cellwright.kb.check.near_misses import (
+    misspelt_heads,
+    near_misses,
+    never_given_back,
+    read_by_engine,
+)
 from cellwright.kb.commands.ambiguous_phrases import unclear_words
 from cellwright.kb.commands.phrase_meanings import spoken_of
 from cellwright.kb.diagnostics import Diagnostic
@@ -16,7 +21,9 @@ from cellwright.kb.terms import Atom, Term, is_ground, stage_parts
 def check_domain(
     domain: Domain, problems: Collection[Problem] = (), happening: Collection[str] = ()
 ) -> list[Diagnostic]:
-    """Warnings about a domain, seen together with its problems; faults make the predicates of `happening` true."""
+    """Warnings about a domain, seen together with its problems; faults make the predicates of
+    `happening` true.
+    """
     near = near_misses(domain)
     told_places = {diagnostic.where for diagnostic in near}
     unused = (
@@ -44,16 +51,25 @@ def unreachable_operators(
 ) -> list[Diagnostic]:
     """Warnings about operators that no problem can ever apply.
 
-    Operators with events are left out, since a workflow may need them, and those that need what faults alone make true.
+    Operators with events are left out, since a workflow may need them, and those that need what
+    faults alone make true.
     """
     alone = {*happening} - {*_added_predicates(domain)}
     hint = "look at its types, its constraints, and at what adds its preconditions"
     return [
-        Diagnostic(operator.where, "K304", f"no problem can ever apply {operator.header}", hint, warning=True)
+        Diagnostic(
+            operator.where,
+            "K304",
+            f"no problem can ever apply {operator.header}",
+            hint,
+            warning=True,
+        )
         for operator in domain.operators
         if operator.name not in reached
         and not any(_is_event(domain, effect) for effect in operator.effects)
-        and not any(read.positive and read.atom.name in alone for read in literals_in(operator.precondition))
+        and not any(
+            read.positive and read.atom.name in alone for read in literals_in(operator.precondition)
+        )
     ]
 
 
@@ -74,12 +90,16 @@ def _unused_predicates(domain: Domain, problems: Collection[Problem]) -> Iterato
         for atom in number_terms(domain, term)
     }
     stated = {
-        use for statement in domain.asp for use in (statement.defines, *(use for use, _ in statement.uses))
+        use
+        for statement in domain.asp
+        for use in (statement.defines, *(use for use, _ in statement.uses))
     }
     for predicate in domain.predicates.values():
         if predicate.name not in used and (predicate.name, len(predicate.arguments)) not in stated:
             hint = "remove it, or use it"
-            yield Diagnostic(predicate.where, "K309", f"nothing uses '{predicate.name}'", hint, warning=True)
+            yield Diagnostic(
+                predicate.where, "K309", f"nothing uses '{predicate.name}'", hint, warning=True
+            )
 
 
 def _number_terms(operator: Operator) -> Iterator[Term | None]:
@@ -93,7 +113,12 @@ def _number_terms(operator: Operator) -> Iterator[Term | None]:
 def _problem_predicates(problems: Collection[Problem]) -> Iterator[str]:
     """The predicates in the facts, goals and workflows of problems."""
     for problem in problems:
-        stages = (part for chain in problem.chains for stage in chain.stages for part in stage_parts(stage))
+        stages = (
+            part
+            for chain in problem.chains
+            for stage in chain.stages
+            for part in stage_parts(stage)
+        )
         yield from (atom.name for atom in (*problem.statics, *problem.initial, *stages))
         yield from (literal.atom.name for literal in literals_in(problem.goal))
 
@@ -117,8 +142,8 @@ def _is_event(domain: Domain, effect: Effect) -> bool:
 
 
 def _not_held(domain: Domain) -> Iterator[Diagnostic]:
-    """Warnings about an operator that reads an atom such as `free(gripper)` but does not hold the resource,
-    although all other readers do.
+    """Warnings about an operator that reads an atom such as `free(gripper)` but does not hold the
+    resource, although all other readers do.
     """
     readers: dict[Atom, list[Operator]] = {}
     for operator in domain.operators:
@@ -129,15 +154,23 @@ def _not_held(domain: Domain) -> Iterator[Diagnostic]:
         for resource in atom.arguments:
             without = [operator for operator in operators if resource not in operator.resources]
             if len(without) == 1 and len(operators) > 2:
-                message = f"{without[0].header} reads {atom} but does not hold {resource}; all others that read it do"
-                hint = f"add `{resource}` to its resources, or two such steps may run at the same moment"
+                message = (
+                    f"{without[0].header} reads {atom} but does not hold {resource}; all others "
+                    "that read it do"
+                )
+                hint = (
+                    f"add `{resource}` to its resources, or two such steps may run at the same "
+                    "moment"
+                )
                 yield Diagnostic(without[0].where, "K305", message, hint, warning=True)
 
 
 def _read_predicates(domain: Domain) -> Iterator[str]:
     """The predicates in conditions, constraints and rules, except those inside aggregates."""
     yield from (
-        literal.atom.name for condition in _all_conditions(domain) for literal in literals_in(condition)
+        literal.atom.name
+        for condition in _all_conditions(domain)
+        for literal in literals_in(condition)
     )
 
 
@@ -171,8 +204,13 @@ def _changed_predicates(domain: Domain) -> Iterator[str]:
 
 def _added_predicates(domain: Domain) -> Iterator[str]:
     yield from (
-        effect.atom.name for operator in domain.operators for effect in operator.effects if effect.adds
+        effect.atom.name
+        for operator in domain.operators
+        for effect in operator.effects
+        if effect.adds
     )
     for deductive in domain.deductive_operators:
-        yield from (consequence.atom.name for consequence in deductive.consequences if consequence.implied)
+        yield from (
+            consequence.atom.name for consequence in deductive.consequences if consequence.implied
+        )
     yield from (default.atom.name for default in domain.defaults)

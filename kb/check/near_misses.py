@@ -1,8 +1,8 @@
 """Probable slips of a domain: names almost those of conventions, heads that nothing reads.
 
-Conventions about measurements are checked only in domains that measure. Two kinds of names are left out:
-names that a domain gives to conventions, because the loader has checked them; and constants, because any
-object may have a similar name.
+Conventions about measurements are checked only in domains that measure. Two kinds of names are left
+out: names that a domain gives to conventions, because the loader has checked them; and constants,
+because any object may have a similar name.
 """
 
 import difflib
@@ -33,7 +33,9 @@ class DeclaredName:
 def read_by_engine(domain: Domain) -> set[str]:
     """The names of the declarations that the engine reads or writes."""
     declared, words = list(_declared_names(domain)), domain.conventions
-    named = ((convention, getattr(words, convention.role)) for convention in CONVENTION_BY_NAME.values())
+    named = (
+        (convention, getattr(words, convention.role)) for convention in CONVENTION_BY_NAME.values()
+    )
     return {
         name
         for convention, name in named
@@ -74,7 +76,9 @@ def _declared_names(domain: Domain) -> Iterator[DeclaredName]:
     for function in domain.functions.values():
         yield DeclaredName(Sort.FUNCTION.value, function.name, function.arguments, function.where)
     for predicate in domain.predicates.values():
-        yield DeclaredName(predicate.kind.value, predicate.name, predicate.arguments, predicate.where)
+        yield DeclaredName(
+            predicate.kind.value, predicate.name, predicate.arguments, predicate.where
+        )
 
 
 def _fits_convention(convention: Convention, declared: DeclaredName, name: str) -> bool:
@@ -84,12 +88,18 @@ def _fits_convention(convention: Convention, declared: DeclaredName, name: str) 
 def _one_table(convention: Convention, declared: DeclaredName) -> bool:
     """Whether both are predicates, both types, or both functions."""
     table_sorts = {Sort.TYPE.value, Sort.FUNCTION.value}
-    return convention.sort.value == declared.sort or not {convention.sort.value, declared.sort} & table_sorts
+    return (
+        convention.sort.value == declared.sort
+        or not {convention.sort.value, declared.sort} & table_sorts
+    )
 
 
 def _is_measuring(fitting: Sequence[Convention]) -> bool:
     about = [convention for convention in fitting if not convention.is_about_time]
-    return any(convention.sort is Sort.TYPE for convention in about) or len(about) >= MIN_FITTING_CONVENTIONS
+    return (
+        any(convention.sort is Sort.TYPE for convention in about)
+        or len(about) >= MIN_FITTING_CONVENTIONS
+    )
 
 
 def _warn_of_deviation(
@@ -99,13 +109,21 @@ def _warn_of_deviation(
     deviation = convention.deviation(declared.sort, declared.arguments)
     if deviation is not None and _is_meant(convention, declared, fitting):
         message = f"the engine does not read this '{declared.name}': it {deviation[1]}"
-        hint = f"declare it as {convention.written()}: {convention.meaning}; or give it another name"
+        hint = (
+            f"declare it as {convention.written()}: {convention.meaning}; or give it another name"
+        )
         yield Diagnostic(declared.where, "K311", message, hint, warning=True)
 
 
-def _is_meant(convention: Convention, declared: DeclaredName, fitting: Sequence[Convention]) -> bool:
-    """Whether a declaration that differs from the convention of its name is probably meant as one."""
-    if declared.sort != convention.sort.value and len(declared.arguments) != len(convention.arguments):
+def _is_meant(
+    convention: Convention, declared: DeclaredName, fitting: Sequence[Convention]
+) -> bool:
+    """Whether a declaration that differs from the convention of its name is probably meant as
+    one.
+    """
+    if declared.sort != convention.sort.value and len(declared.arguments) != len(
+        convention.arguments
+    ):
         return False
     if convention.is_about_time:
         return {*declared.arguments} & {*NUMBER_SORTS} != set() or any(
@@ -114,15 +132,21 @@ def _is_meant(convention: Convention, declared: DeclaredName, fitting: Sequence[
     return _is_measuring(fitting)
 
 
-def _warn_of_misspelling(convention: Convention, others: Sequence[DeclaredName]) -> Iterator[Diagnostic]:
+def _warn_of_misspelling(
+    convention: Convention, others: Sequence[DeclaredName]
+) -> Iterator[Diagnostic]:
     """A warning about a declaration that would be the convention if it had its name."""
     fitting = {
         declaration.name: declaration
         for declaration in others
         if _fits_convention(convention, declaration, declaration.name)
     }
-    for name in difflib.get_close_matches(convention.role, sorted(fitting), n=1, cutoff=CONVENTION_LIKENESS):
-        message = f"'{name}' is almost '{convention.role}', which the engine knows ({convention.meaning})"
+    for name in difflib.get_close_matches(
+        convention.role, sorted(fitting), n=1, cutoff=CONVENTION_LIKENESS
+    ):
+        message = (
+            f"'{name}' is almost '{convention.role}', which the engine knows ({convention.meaning})"
+        )
         hint = f"write {convention.written()}, or `conventions: {{{convention.role}: {name}}}`"
         yield Diagnostic(fitting[name].where, "K311", message, hint, warning=True)
 
@@ -131,7 +155,9 @@ NAME_LIKENESS = 0.75  # ratio of difflib from which two names are alike
 
 
 def misspelt_heads(domain: Domain, read: Collection[str]) -> Iterator[Diagnostic]:
-    """Warnings about rules for a name that nothing declares or reads, but that is almost a declared one. `read` are names in use."""
+    """Warnings about rules for a name that nothing declares or reads, but that is almost a
+    declared one. `read` are names in use.
+    """
     used = {*read, *(use.predicate[0] for statement in domain.asp for use in statement.uses)}
     told_names: set[str] = set()
     for asp_statement in domain.asp:
@@ -142,16 +168,22 @@ def misspelt_heads(domain: Domain, read: Collection[str]) -> Iterator[Diagnostic
             continue
         defined = (Kind.STATIC, Kind.DERIVED)
         alike = [
-            p.name for p in domain.predicates.values() if p.kind in defined and len(p.arguments) == count
+            p.name
+            for p in domain.predicates.values()
+            if p.kind in defined and len(p.arguments) == count
         ]
         if near := difflib.get_close_matches(name, alike, n=1, cutoff=NAME_LIKENESS):
             told_names.add(name)
             message = f"nothing declares or reads '{name}', which this rule defines"
-            yield Diagnostic(asp_statement.where, "K312", message, f"did you mean '{near[0]}'?", warning=True)
+            yield Diagnostic(
+                asp_statement.where, "K312", message, f"did you mean '{near[0]}'?", warning=True
+            )
 
 
 def never_given_back(domain: Domain) -> Iterator[Diagnostic]:
-    """Warnings about a fluent that another one denies, such as `free(Place)`, and that nothing makes true when that one ends."""
+    """Warnings about a fluent that another one denies, such as `free(Place)`, and that nothing
+    makes true when that one ends.
+    """
     needed = {
         literal.atom.name
         for o in domain.operators
@@ -173,10 +205,18 @@ def never_given_back(domain: Domain) -> Iterator[Diagnostic]:
     ):
         for rule_consequence in rule.consequences:
             name = rule_consequence.atom.name
-            if rule_consequence.implied or name in added or name not in needed or name in told_names:
+            if (
+                rule_consequence.implied
+                or name in added
+                or name not in needed
+                or name in told_names
+            ):
                 continue
             told_names.add(name)
-            message = f"{rule.trigger.atom} denies {rule_consequence.atom}, and nothing makes '{name}' true again when it ends"
+            message = (
+                f"{rule.trigger.atom} denies {rule_consequence.atom}, and nothing makes "
+                f"'{name}' true again when it ends"
+            )
             hint = f"add `when: not {rule.trigger.atom}` with `implies: {rule_consequence.atom}`"
             yield Diagnostic(rule.where, "K315", message, hint, warning=True)
 
@@ -184,6 +224,10 @@ def never_given_back(domain: Domain) -> Iterator[Diagnostic]:
 def _can_end(domain: Domain, rule: DeductiveOperator) -> bool:
     """Whether the trigger of a deductive operator can become false."""
     name = rule.trigger.atom.name
-    deleted = {effect.atom.name for o in domain.operators for effect in o.effects if not effect.adds}
-    denied = {c.atom.name for d in domain.deductive_operators for c in d.consequences if not c.implied}
+    deleted = {
+        effect.atom.name for o in domain.operators for effect in o.effects if not effect.adds
+    }
+    denied = {
+        c.atom.name for d in domain.deductive_operators for c in d.consequences if not c.implied
+    }
     return name in deleted | denied

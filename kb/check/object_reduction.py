@@ -1,8 +1,9 @@
 """Reduces large problems: of objects that are alike, a few stand for all.
 
-Two objects are alike if they have the same type, and the same is said about them by all static facts (also those that rules
-derive), initial facts and goals, except for numbers and for each other's names. What can be reached with one of them can be
-reached with the other, unless rules of operators compare their numbers.
+Two objects are alike if they have the same type, and the same is said about them by all static
+facts (also those that rules derive), initial facts and goals, except for numbers and for each
+other's names. What can be reached with one of them can be reached with the other, unless rules of
+operators compare their numbers.
 """
 
 import re
@@ -22,13 +23,18 @@ NUMBER_WORD = re.compile(r"-?\b\d+\b")
 
 @dataclass(frozen=True, slots=True)
 class ReducedProblem:
-    """A problem with fewer objects. `stands_for` names for each object that was left out one that is alike."""
+    """A problem with fewer objects.
+
+    `stands_for` names for each object that was left out one that is alike.
+    """
 
     problem: Problem
     stands_for: Mapping[str, str]
 
     def told_of_all(self, atoms: Iterable[Atom]) -> set[Atom]:
-        """The atoms, and those about the objects that were left out instead of the ones that stand for them."""
+        """The atoms, and those about the objects that were left out instead of the ones that
+        stand for them.
+        """
         atoms_of_all = set(atoms)
         like: dict[str, list[str]] = {}
         for name, stand_in in self.stands_for.items():
@@ -49,7 +55,10 @@ def reduce_objects(problem: Problem) -> ReducedProblem:
         groups.setdefault((problem.objects[name], frozenset(object_texts)), []).append(name)
     named = {word for fact in problem.initial for word in NAME_WORD.findall(str(fact))}
     stands_for = {
-        name: names[0] for names in groups.values() for name in names[KEPT_PER_CLASS:] if name not in named
+        name: names[0]
+        for names in groups.values()
+        for name in names[KEPT_PER_CLASS:]
+        if name not in named
     }
     return ReducedProblem(_problem_without(problem, stands_for), stands_for)
 
@@ -67,7 +76,9 @@ def _object_descriptions(problem: Problem) -> dict[str, set[str]]:
         own = {word for word in NAME_WORD.findall(text) if word in descriptions}
         masked = NUMBER_WORD.sub("0", text)
         for name in own:
-            descriptions[name].add(NAME_WORD.sub(lambda word: _mask_word(word[0], name, own), masked))  # noqa: B023 - used at once
+            descriptions[name].add(
+                NAME_WORD.sub(lambda word: _mask_word(word[0], name, own), masked)  # noqa: B023
+            )
     return descriptions
 
 

@@ -1,6 +1,7 @@
 """Commands in words: the phrases of a domain turn sentences into goals and chains of stages.
 
-A grammar generated from the phrases reads the sentences. The parser library is imported only when there is a sentence.
+A grammar generated from the phrases reads the sentences. The parser library is imported only when
+there is a sentence.
 """
 
 import dataclasses
@@ -17,9 +18,11 @@ __all__ = ["Place", "check_phrases", "understand_command"]
 def understand_command(
     target: Problem | Domain, text: str, place: Callable[[int], Source] | None = None
 ) -> Problem:
-    """The problem with the goal and chains of a command in words. For a domain, the problem starts from its defaults.
+    """The problem with the goal and chains of a command in words. For a domain, the problem starts
+    from its defaults.
 
-    `place` gives the place of character n of the text; without it, places are in the text itself. Raises `InvalidInput`.
+    `place` gives the place of character n of the text; without it, places are in the text itself.
+    Raises `InvalidInput`.
     """
     from cellwright.kb.commands.sentence import read_sentence
 

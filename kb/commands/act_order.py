@@ -1,7 +1,8 @@
 """Orders the acts of a sentence in time, and makes a goal and chains of stages of them.
 
-A stage that holds already costs nothing. So nothing would keep a plan from closing the drawer before the heating, unless the
-drawer is open again, or still, when everything that is said between the two acts is done.
+A stage that holds already costs nothing. So nothing would keep a plan from closing the drawer
+before the heating, unless the drawer is open again, or still, when everything that is said between
+the two acts is done.
 """
 
 import itertools
@@ -16,7 +17,9 @@ from cellwright.kb.model.planning_problem import Chain
 from cellwright.kb.terms import Atom, Term, is_ground
 
 Apart = Callable[[Literal, Literal], bool]
-"""Whether two conditions cannot hold together, or whether the first cannot hold when the second one becomes true."""
+"""Whether two conditions cannot hold together, or whether the first cannot hold when the second
+one becomes true.
+"""
 
 MOST_COMPARED = 100_000  # pairs of acts
 
@@ -25,9 +28,10 @@ MOST_COMPARED = 100_000  # pairs of acts
 class SentenceAct:
     """What one clause asks for one subject. `things` are the other objects that it names.
 
-    `stages` is None if the condition cannot be a stage. `must` means that the phrase makes the act an event or a stage.
-    `lasts` means that what it asks for is no event, so that another act can undo it. `alone` means that no slot names its
-    subject. `then` means that the clause follows "then". `waits` are the conditions of other acts that it comes after.
+    `stages` is None if the condition cannot be a stage. `must` means that the phrase makes the act
+    an event or a stage. `lasts` means that what it asks for is no event, so that another act can
+    undo it. `alone` means that no slot names its subject. `then` means that the clause follows
+    "then". `waits` are the conditions of other acts that it comes after.
     """
 
     clause: int
@@ -47,7 +51,8 @@ Pairs = frozenset[tuple[int, int]]
 
 
 def asked_again(acts: Sequence[SentenceAct], stays: Collection[str]) -> SentenceAct | None:
-    """The first act of a clause that only asks again, later, for what stays once it is made: "measure m9, m1, then m9".
+    """The first act of a clause that only asks again, later, for what stays once it is made:
+    "measure m9, m1, then m9".
 
     `stays` are the predicates of such facts.
     """
@@ -56,7 +61,9 @@ def asked_again(acts: Sequence[SentenceAct], stays: Collection[str]) -> Sentence
         own = list(group)
         asked = {act.literals for act in own}
         lasting = all(
-            literal.atom.name in stays and literal.positive for literals in asked for literal in literals
+            literal.atom.name in stays and literal.positive
+            for literals in asked
+            for literal in literals
         )
         if lasting and asked <= asked_before and (own[0].then or not asked <= before):
             return own[0]
@@ -65,9 +72,11 @@ def asked_again(acts: Sequence[SentenceAct], stays: Collection[str]) -> Sentence
 
 
 def undone_pairs(acts: Sequence[SentenceAct], apart: Apart, interrupted: Apart) -> Pairs:
-    """Pairs of acts of different clauses of which the later one undoes the earlier one, or asks for the same again.
+    """Pairs of acts of different clauses of which the later one undoes the earlier one, or asks for
+    the same again.
 
-    They cannot hold together. Or "then" stands between them, and the later one cannot be done while the earlier one holds.
+    They cannot hold together. Or "then" stands between them, and the later one cannot be done while
+    the earlier one holds.
     """
     thens = list(itertools.accumulate(int(act.then) for act in acts))
     lasting = [number for number, act in enumerate(acts) if act.lasts]
@@ -89,15 +98,21 @@ def undone_pairs(acts: Sequence[SentenceAct], apart: Apart, interrupted: Apart) 
 
 
 def _may_undo(acts: Sequence[SentenceAct], first: int, second: int) -> bool:
-    """Whether two acts may be a pair. A stage of a phrase follows the other acts of its object anyway.
+    """Whether two acts may be a pair. A stage of a phrase follows the other acts of its object
+    anyway.
 
-    So it is in a pair with one of them only if a clause between the two is about other objects alone.
+    So it is in a pair with one of them only if a clause between the two is about other objects
+    alone.
     """
     earlier, later = acts[first], acts[second]
     if not (earlier.must or later.must) or earlier.subject != later.subject:
         return True
     between = {act.clause for act in acts[first + 1 : second]} - {earlier.clause, later.clause}
-    named = {act.clause for act in acts[first + 1 : second] if earlier.subject in (act.subject, *act.things)}
+    named = {
+        act.clause
+        for act in acts[first + 1 : second]
+        if earlier.subject in (act.subject, *act.things)
+    }
     return bool(between - named)
 
 
@@ -111,7 +126,8 @@ class Undoing:
     interrupted: Apart
 
     def again(self, later: int, behind: Sequence[int]) -> tuple[Atom, ...]:
-        """What an act undoes and what has to hold, again or still, when everything between the two acts is done.
+        """What an act undoes and what has to hold, again or still, when everything between the two
+        acts is done.
 
         `behind` holds, for each act, all acts before it, as bits.
         """
@@ -120,11 +136,17 @@ class Undoing:
             stages = self.acts[earlier].stages
             if stages is not None and any(self._lasts_through(earlier, later, behind)):
                 stages_again |= dict.fromkeys(stages)
-        return tuple(stage for stage in stages_again if stage not in (self.acts[later].stages or ()))
+        return tuple(
+            stage for stage in stages_again if stage not in (self.acts[later].stages or ())
+        )
 
     def _lasts_through(self, earlier: int, later: int, behind: Sequence[int]) -> Iterator[bool]:
-        """For each act between two, whether the earlier one can hold when it is done; nothing if another act undoes it before."""
-        between = [n for n in range(earlier, later) if behind[n] >> earlier & 1 and behind[later] >> n & 1]
+        """For each act between two, whether the earlier one can hold when it is done; nothing
+        if another act undoes it before.
+        """
+        between = [
+            n for n in range(earlier, later) if behind[n] >> earlier & 1 and behind[later] >> n & 1
+        ]
         if not any((earlier, number) in self.pairs for number in between):
             yield from (self._together(self.acts[earlier], self.acts[number]) for number in between)
 
@@ -149,7 +171,9 @@ def arrange_acts(
     acts = _join_undone_acts(acts, pairs)
     order = _Order()
     if _is_ordered(acts):
-        barriers = {number for pair in pairs for number in pair} | {n for n, a in enumerate(acts) if a.alone}
+        barriers = {number for pair in pairs for number in pair} | {
+            n for n, a in enumerate(acts) if a.alone
+        }
         order.follow(acts, barriers, barriers - set(_explicitly_ordered(acts, pairs)))
     placed = {number for number, act in enumerate(acts) if act.must or number in order.related}
     placed -= {number for number in placed if _is_only_an_end(number, acts, order)}
@@ -157,14 +181,18 @@ def arrange_acts(
     for number in sorted(placed):
         chains.add(number, acts[number])
     last = {
-        n for n in placed if not any(order.waits(m, n) and acts[m].subject == acts[n].subject for m in placed)
+        n
+        for n in placed
+        if not any(order.waits(m, n) and acts[m].subject == acts[n].subject for m in placed)
     }
     ending = (act for n, act in enumerate(acts) if n not in placed or (n in last and _is_open(act)))
     return And(tuple(dict.fromkeys(act.condition for act in ending))), chains.finished()
 
 
 def _join_undone_acts(acts: Sequence[SentenceAct], pairs: Pairs) -> list[SentenceAct]:
-    """The acts, with one subject for those of which one undoes the other: the subject that was named first."""
+    """The acts, with one subject for those of which one undoes the other: the subject that was
+    named first.
+    """
     subjects: dict[Term, Term] = {}
 
     def first(subject: Term) -> Term:
@@ -176,7 +204,9 @@ def _join_undone_acts(acts: Sequence[SentenceAct], pairs: Pairs) -> list[Sentenc
         early, late = first(acts[one].subject), first(acts[other].subject)
         if early != late:
             subjects[late] = early
-    return [replace(act, subject=first(act.subject), things=act.things | {act.subject}) for act in acts]
+    return [
+        replace(act, subject=first(act.subject), things=act.things | {act.subject}) for act in acts
+    ]
 
 
 def _is_ordered(acts: Sequence[SentenceAct]) -> bool:
@@ -198,24 +228,33 @@ def _explicitly_ordered(acts: Sequence[SentenceAct], pairs: Pairs) -> Iterator[i
 
 
 def _is_only_an_end(number: int, acts: Sequence[SentenceAct], order: "_Order") -> bool:
-    """Whether an act that cannot be a stage is the only one of its subject and waits for others: then it holds at the end."""
+    """Whether an act that cannot be a stage is the only one of its subject and waits for
+    others: then it holds at the end.
+    """
     subject = acts[number].subject
     alone = all(act.subject != subject for n, act in enumerate(acts) if n != number)
     return acts[number].stages is None and number not in order.followed and alone
 
 
 def _is_open(act: SentenceAct) -> bool:
-    """Whether a stage of an act contains `_`. Then it is also a goal, because a chain cannot keep it true."""
+    """Whether a stage of an act contains `_`.
+
+    Then it is also a goal, because a chain cannot keep it true.
+    """
     return act.stages is not None and not all(map(is_ground, act.stages))
 
 
 @dataclass(slots=True)
 class _Order:
-    """Which acts wait for which. `direct` holds, for each act, the acts that it waits for and that no other implies."""
+    """Which acts wait for which.
+
+    `direct` holds, for each act, the acts that it waits for and that no other implies.
+    """
 
     direct: dict[int, list[int]] = field(default_factory=dict)
     behind: list[int] = field(default_factory=list)  # for each act, all acts before it, as bits
-    followed: Counter[int] = field(default_factory=Counter)  # how many acts wait for each act directly
+    # how many acts wait for each act directly
+    followed: Counter[int] = field(default_factory=Counter)
 
     @property
     def related(self) -> set[int]:
@@ -229,7 +268,8 @@ class _Order:
     def follow(self, acts: Sequence[SentenceAct], barriers: set[int], late: set[int]) -> None:
         """Put acts in order. The acts of a clause never wait for each other.
 
-        What stands behind one of `barriers` waits for it; one of `late` waits for everything before it.
+        What stands behind one of `barriers` waits for it; one of `late` waits for everything before
+        it.
         """
         waiting = _waiting_acts(acts)
         earlier: list[int] = []  # before the last "then": the acts that no other act waits for
@@ -240,7 +280,9 @@ class _Order:
             for number in range(start, end):
                 waits = [*self._of_the_same(acts, number, start), *barrier]
                 waits += [
-                    preceding for preceding in range(start) if acts[preceding].literals in acts[number].waits
+                    preceding
+                    for preceding in range(start)
+                    if acts[preceding].literals in acts[number].waits
                 ]
                 waits += ends if number in late else earlier if number in waiting else []
                 self._add(number, waits)
@@ -248,7 +290,9 @@ class _Order:
                 barrier = [number for number in range(start, end) if number in barriers]
 
     def _of_the_same(self, acts: Sequence[SentenceAct], number: int, start: int) -> Iterator[int]:
-        """The earlier acts of the subject, and those between which and this one a subject is named otherwise."""
+        """The earlier acts of the subject, and those between which and this one a subject is
+        named otherwise.
+        """
         act = acts[number]
         for earlier in range(start):
             earlier_act = acts[earlier]
@@ -265,7 +309,9 @@ class _Order:
             implied |= self.behind[predecessor]
             bits |= 1 << predecessor
         self.behind.append(bits | implied)
-        self.direct[number] = [awaited for awaited in sorted(set(waits)) if not implied >> awaited & 1]
+        self.direct[number] = [
+            awaited for awaited in sorted(set(waits)) if not implied >> awaited & 1
+        ]
         self.followed.update(self.direct[number])
 
 
@@ -281,7 +327,8 @@ def _clause_runs(acts: Sequence[SentenceAct]) -> Iterator[tuple[int, int]]:
 def _waiting_acts(acts: Sequence[SentenceAct]) -> set[int]:
     """The acts that wait for everything before the last "then".
 
-    If all objects of the group before "then" are named again behind it, each goes on by itself; any other object waits.
+    If all objects of the group before "then" are named again behind it, each goes on by itself; any
+    other object waits.
     """
     groups: list[list[int]] = [[]]
     for start, end in _clause_runs(acts):
@@ -290,7 +337,9 @@ def _waiting_acts(acts: Sequence[SentenceAct]) -> set[int]:
         groups[-1].extend(range(start, end))
     waiting: set[int] = set()
     for before, group in itertools.pairwise(groups):
-        previous, now = ({acts[number].subject for number in numbers} for numbers in (before, group))
+        previous, now = (
+            {acts[number].subject for number in numbers} for numbers in (before, group)
+        )
         going_on = previous if previous <= now else set()
         waiting.update(number for number in group if acts[number].subject not in going_on)
     return waiting
@@ -303,10 +352,13 @@ class _Chains:
     order: _Order
     undoing: Undoing
     segments: dict[str, Chain] = field(default_factory=dict)
-    ends: dict[int, list[str]] = field(default_factory=dict)  # for each act, the chains that end with it
+    # for each act, the chains that end with it
+    ends: dict[int, list[str]] = field(default_factory=dict)
 
     def add(self, number: int, act: SentenceAct) -> None:
-        """Append an act: to the chain of the only act that it waits for, or as chains of its own."""
+        """Append an act: to the chain of the only act that it waits for, or as chains of its
+        own.
+        """
         if act.stages is None:
             raise NoOrder(act.clause)
         waits = self.order.direct.get(number, [])
@@ -319,7 +371,9 @@ class _Chains:
         elif act.must:
             self.ends[number] = [self._open(act.subject, again + act.stages, after)]
         else:
-            self.ends[number] = [self._open(act.subject, (*again, stage), after) for stage in act.stages]
+            self.ends[number] = [
+                self._open(act.subject, (*again, stage), after) for stage in act.stages
+            ]
 
     def _goes_on(self, earlier: int, name: str, act: SentenceAct) -> bool:
         return (
@@ -339,10 +393,14 @@ class _Chains:
         return tuple(self.segments.values())
 
 
-def in_order_of_time(clauses: Sequence[Clause], referred: Mapping[int, frozenset[int]]) -> list[Clause]:
-    """The clauses in the order in which they are to be done, each with those that it waits for (`waits`, by their offsets).
+def in_order_of_time(
+    clauses: Sequence[Clause], referred: Mapping[int, frozenset[int]]
+) -> list[Clause]:
+    """The clauses in the order in which they are to be done, each with those that it waits for
+    (`waits`, by their offsets).
 
-    `referred` says which linked clauses mean acts that were said before, and the offsets of those. They are left out.
+    `referred` says which linked clauses mean acts that were said before, and the offsets of those.
+    They are left out.
     """
     in_time: list[Clause] = []
     rest = list(clauses)
@@ -364,7 +422,10 @@ def in_order_of_time(clauses: Sequence[Clause], referred: Mapping[int, frozenset
 def _take_group(rest: list[Clause]) -> list[Clause]:
     """The first clause and those behind it that go on with it, which are taken from the list."""
     link = rest[0].link if rest[0].link in LINK_KINDS else ""
-    taken = [rest[0], *takewhile(lambda clause: clause.link == link if link else _goes_on(clause), rest[1:])]
+    taken = [
+        rest[0],
+        *takewhile(lambda clause: clause.link == link if link else _goes_on(clause), rest[1:]),
+    ]
     del rest[: len(taken)]
     return taken
 
@@ -374,7 +435,9 @@ def _goes_on(clause: Clause) -> bool:
 
 
 def _belongs_to(linked: Clause, following: Clause) -> bool:
-    """Whether a linked clause behind others is about the clause that follows: ", after heating it, store it"."""
+    """Whether a linked clause behind others is about the clause that follows: ", after heating
+    it, store it".
+    """
     return linked.marked and _goes_on(following)
 
 
@@ -384,7 +447,8 @@ def _in_front(group: Sequence[Clause], clauses: Sequence[Clause], all_of: bool) 
     before, behind = clauses[:cut], clauses[cut:]
     first = replace(group[0], then=bool(behind) and behind[0].then and cut > 0)
     waiting = [
-        _wait_for(replace(clause, then=clause.then and n > 0), group) for n, clause in enumerate(behind)
+        _wait_for(replace(clause, then=clause.then and n > 0), group)
+        for n, clause in enumerate(behind)
     ]
     return [*before, first, *group[1:], *waiting]
 
@@ -398,15 +462,24 @@ def _place_linked(
     """The clauses with those of "after" or "before" and the acts that they belong to."""
     new = [clause for clause in group if clause.offset not in referred]
     if group[0].link == "after":
-        return [*clauses, *_begun_as([*new, *(_wait_for(main, group) for main in mains)], group, mains)]
+        return [
+            *clauses,
+            *_begun_as([*new, *(_wait_for(main, group) for main in mains)], group, mains),
+        ]
     meant = frozenset[int]().union(*(referred.get(clause.offset, ()) for clause in group))
-    cut = min((n for n, clause in enumerate(clauses) if clause.offset in meant), default=len(clauses))
-    later = [_wait_for(clause, mains) if clause.offset in meant else clause for clause in clauses[cut:]]
+    cut = min(
+        (n for n, clause in enumerate(clauses) if clause.offset in meant), default=len(clauses)
+    )
+    later = [
+        _wait_for(clause, mains) if clause.offset in meant else clause for clause in clauses[cut:]
+    ]
     own = _begun_as([*mains, *(_wait_for(clause, mains) for clause in new)], group, mains)
     return [*clauses[:cut], *own, *later]
 
 
-def _begun_as(clauses: list[Clause], group: Sequence[Clause], mains: Sequence[Clause]) -> list[Clause]:
+def _begun_as(
+    clauses: list[Clause], group: Sequence[Clause], mains: Sequence[Clause]
+) -> list[Clause]:
     """The clauses, of which the first one follows "then" if the group or its act does."""
     then = any(own_group[0].then for own_group in (group, mains) if own_group)
     return [replace(clause, then=then and n == 0) for n, clause in enumerate(clauses)]

@@ -23,18 +23,26 @@ def _split_sayings(text: str) -> tuple[tuple[str, ...], ...]:
 CLAUSE_MARKS = (",", ";", ".", "!")
 AND_SAYINGS = _split_sayings("and | & | but | plus | as well as")
 THEN_SAYINGS = _split_sayings(
-    "then | afterwards | afterward | after that | after this | after which | thereafter | next | finally | lastly"
-    " | subsequently | later on | later | at last | at the end | in the end | second | secondly | third | thirdly"
+    "then | afterwards | afterward | after that | after this | after which | thereafter | next "
+    "| finally | lastly"
+    " | subsequently | later on | later | at last | at the end | in the end | second | secondly "
+    "| third | thirdly"
 )
 THANKS_SAYINGS = _split_sayings("please | thanks | thank you | each")
 THEN_BEHIND = _split_sayings(
-    "afterwards | afterward | after that | after this | thereafter | next | last | later | at the end"
+    "afterwards | afterward | after that | after this | thereafter | next | last | later | at "
+    "the end"
 )
 POLITE_SAYINGS = _split_sayings(
-    "could you | can you | would you | will you | i want you to | i would like you to | i'd like you to | you should"
-    " | you must | you have to | let us | let's | we want to | i want to | i would like to | we need to | kindly"
+    "could you | can you | would you | will you | i want you to | i would like you to | i'd "
+    "like you to | you should"
+    " | you must | you have to | let us | let's | we want to | i want to | i would like to | we "
+    "need to | kindly"
 )
-WHEN, WHAT = ("once", "when", "as soon as", "after"), ("this is", "that is", "it is", "they are", "")
+WHEN, WHAT = (
+    ("once", "when", "as soon as", "after"),
+    ("this is", "that is", "it is", "they are", ""),
+)
 THEN_SAYINGS += tuple(
     tuple(f"{when} {what} {end}".split())
     for when in WHEN
@@ -42,10 +50,13 @@ THEN_SAYINGS += tuple(
     for end in ("done", "finished", "ready", "over")
 )
 REMINDER_SAYINGS = _split_sayings(
-    "make sure to | make sure you | be sure to | remember to | don't forget to | do not forget to | see to it that you"
+    "make sure to | make sure you | be sure to | remember to | don't forget to | do not forget "
+    "to | see to it that you"
 )
 FILLERS_BEFORE = _split_sayings("now | also | just | ok | okay")
-FILLERS_BEHIND = _split_sayings("too | as well | also | now | each | again | please | thanks | thank you")
+FILLERS_BEHIND = _split_sayings(
+    "too | as well | also | now | each | again | please | thanks | thank you"
+)
 FIRST_SAYINGS = _split_sayings(
     "first | first of all | at first | to begin with | beforehand | before anything else"
 )
@@ -56,7 +67,8 @@ STOP_MARKS = (";", ".", "!")
 
 @dataclass(frozen=True, slots=True)
 class ClauseJoint:
-    """What stands between two clauses: the place after it, whether it says "then", and whether anything stands there.
+    """What stands between two clauses: the place after it, whether it says "then", and whether
+    anything stands there.
 
     `stop` means that a sentence or half of one ends there.
     """
@@ -91,46 +103,65 @@ def _saying_ends(said: SentenceReader, place: int, sayings: Iterable[tuple[str, 
     return sorted({end for end in places if end is not None}, reverse=True)
 
 
-def clause_beginnings(said: SentenceReader, place: int, goes_on: bool) -> Iterator[tuple[int, bool, str]]:
-    """Where a clause can begin after words that change nothing or its place in time; whether they make a polite question of it.
+def clause_beginnings(
+    said: SentenceReader, place: int, goes_on: bool
+) -> Iterator[tuple[int, bool, str]]:
+    """Where a clause can begin after words that change nothing or its place in time; whether they
+    make a polite question of it.
 
-    The third is "first" for a clause that comes before all that was said, "that" for one that comes before the clause before
-    it, and else empty. `goes_on` says that the sentence goes on here, so that "first" is not the beginning of a list.
+    The third is "first" for a clause that comes before all that was said, "that" for one that comes
+    before the clause before it, and else empty. `goes_on` says that the sentence goes on here, so
+    that "first" is not the beginning of a list.
     """
     yield place, False, ""
     for polite in _saying_ends(said, place, POLITE_SAYINGS):
         yield polite, True, ""
-    beginnings = [(end, "") for end in _saying_ends(said, place, (*FILLERS_BEFORE, *REMINDER_SAYINGS))]
-    beginnings += [(end, "first" if goes_on else "") for end in _saying_ends(said, place, FIRST_SAYINGS)]
+    beginnings = [
+        (end, "") for end in _saying_ends(said, place, (*FILLERS_BEFORE, *REMINDER_SAYINGS))
+    ]
+    beginnings += [
+        (end, "first" if goes_on else "") for end in _saying_ends(said, place, FIRST_SAYINGS)
+    ]
     beginnings += [(end, "that") for end in _saying_ends(said, place, THAT_SAYINGS)]
     for end, link in beginnings:
         comma = said.word(end, ",")
         yield from ((begin, False, link) for begin in (end, comma) if begin is not None)
 
 
-def clause_endings(said: SentenceReader, place: int, is_first: bool) -> Iterator[tuple[int, bool, str]]:
-    """Where a clause can end after words behind it, whether they put it after the clauses before it, or before them."""
+def clause_endings(
+    said: SentenceReader, place: int, is_first: bool
+) -> Iterator[tuple[int, bool, str]]:
+    """Where a clause can end after words behind it, whether they put it after the clauses
+    before it, or before them.
+    """
     yield place, False, ""
     comma = said.word(place, ",")
     for begin in (place,) if comma is None else (place, comma):
         yield from (
             (end, False, "")
-            for end in _saying_ends(said, begin, FILLERS_BEHIND if begin == place else THANKS_SAYINGS)
+            for end in _saying_ends(
+                said, begin, FILLERS_BEHIND if begin == place else THANKS_SAYINGS
+            )
         )
-    yield from ((end, False, "" if is_first else "first") for end in _saying_ends(said, place, FIRST_BEHIND))
+    yield from (
+        (end, False, "" if is_first else "first") for end in _saying_ends(said, place, FIRST_BEHIND)
+    )
     if not is_first:
         yield from ((end, True, "") for end in _saying_ends(said, place, THEN_BEHIND))
         yield from ((end, False, "that") for end in _saying_ends(said, place, THAT_SAYINGS))
 
 
 AFTER_SAYINGS = _split_sayings(
-    "after | once | when | as soon as | only after | only once | right after | directly after | immediately after"
+    "after | once | when | as soon as | only after | only once | right after | directly after | "
+    "immediately after"
 )
 BEFORE_SAYINGS = _split_sayings("before | prior to | right before | shortly before")
 
 
 def link_beginnings(said: SentenceReader, place: int) -> Iterator[tuple[int, str]]:
-    """Where an act can begin that another one comes after or before: behind "after", "once", "before"."""
+    """Where an act can begin that another one comes after or before: behind "after", "once",
+    "before".
+    """
     yield from ((end, "after") for end in _saying_ends(said, place, AFTER_SAYINGS))
     yield from ((end, "before") for end in _saying_ends(said, place, BEFORE_SAYINGS))
 
@@ -150,7 +181,8 @@ BE_FORMS = tuple(
     for form in ["is", "are", "was", "were", "has been", "have been", "had been", "gets", "get"]
 )
 _SHOULD = (
-    "should be,must be,shall be,is to be,are to be,has to be,have to be,ought to be,needs to be,need to be,will be"
+    "should be,must be,shall be,is to be,are to be,has to be,have to be,ought to be,needs to "
+    "be,need to be,will be"
     ",should get,must get"
 )
 SHOULD_FORMS = tuple(tuple(form.split()) for form in _SHOULD.split(","))
@@ -171,19 +203,25 @@ def linked_acts(matcher: Matcher, begin: int) -> Iterator[Match]:
 
 
 def wished_acts(matcher: Matcher, begin: int, goes_on: bool) -> Iterator[Match]:
-    """The acts that are said as what should be done: "probe 1 must be heated for 5 min", and behind such: "and then cooled"."""
+    """The acts that are said as what should be done: "probe 1 must be heated for 5 min", and
+    behind such: "and then cooled".
+    """
     if not goes_on and not _says_should(matcher.said):
         return
     for verb, node in _verb_nodes(matcher):
         acts = _passive_acts(matcher, verb, node, begin, SHOULD_FORMS)
         yield from (replace(act, passive=True) for act in acts)
         if goes_on:
-            yield from (replace(act, passive=True) for act in _participles_alone(matcher, verb, node, begin))
+            yield from (
+                replace(act, passive=True) for act in _participles_alone(matcher, verb, node, begin)
+            )
 
 
 def _says_should(said: SentenceReader) -> bool:
     words = [piece.lower for piece in said.pieces]
-    return any(tuple(words[n : n + len(form)]) == form for n in range(len(words)) for form in SHOULD_FORMS)
+    return any(
+        tuple(words[n : n + len(form)]) == form for n in range(len(words)) for form in SHOULD_FORMS
+    )
 
 
 def _verb_nodes(matcher: Matcher) -> Iterator[tuple[tuple[str, ...], PhraseNode]]:
@@ -193,7 +231,11 @@ def _verb_nodes(matcher: Matcher) -> Iterator[tuple[tuple[str, ...], PhraseNode]
 
 
 def _passive_acts(
-    matcher: Matcher, verb: tuple[str, ...], node: PhraseNode, begin: int, be: Iterable[tuple[str, ...]]
+    matcher: Matcher,
+    verb: tuple[str, ...],
+    node: PhraseNode,
+    begin: int,
+    be: Iterable[tuple[str, ...]],
 ) -> Iterator[Match]:
     """Acts in the passive. `node` is behind the words of the verb."""
     for place, values, following in _object_nodes(matcher, node, begin):
@@ -204,7 +246,9 @@ def _passive_acts(
 def _participles_alone(
     matcher: Matcher, verb: tuple[str, ...], node: PhraseNode, begin: int
 ) -> Iterator[Match]:
-    """Acts of which only the participle is said, for objects that were named before: "... and cooled for 3 min"."""
+    """Acts of which only the participle is said, for objects that were named before: "... and
+    cooled for 3 min".
+    """
     for words, following in _left_out(matcher, node, begin):
         for end in _participle_ends(matcher.said, begin, verb):
             yield from matcher.walk(following, end, (words,))
@@ -213,7 +257,9 @@ def _participles_alone(
 def repeated_acts(
     matcher: Matcher, begin: int, earlier: Iterable[tuple[PhraseForm, tuple[SlotWords, ...]]]
 ) -> Iterator[Match]:
-    """The acts of earlier clauses that are said again in short: "once heated", "after heating it", "once probe 1 is heated"."""
+    """The acts of earlier clauses that are said again in short: "once heated", "after heating
+    it", "once probe 1 is heated".
+    """
     for form, values in earlier:
         for end, now in (
             *_active_repetitions(matcher, begin, form, values),
@@ -231,7 +277,9 @@ def _active_repetitions(
         end = _heard_all(matcher.said, place, rest)
         if end is not None:
             yield end, values
-            yield from ((after, (words, *values[1:])) for after, words in _first_slot(matcher, end, form))
+            yield from (
+                (after, (words, *values[1:])) for after, words in _first_slot(matcher, end, form)
+            )
 
 
 def _passive_repetitions(
@@ -251,7 +299,8 @@ def _first_slot(matcher: Matcher, place: int, form: PhraseForm) -> Iterator[tupl
     if slot is not None:
         for end, words in matcher.slot(slot.type, place):
             if words.how == "bare" and not words.but:
-                yield end, replace(words, how="pronoun")  # "once all are heated": all that were said
+                # "once all are heated": all that were said
+                yield end, replace(words, how="pronoun")
             elif words.how != "omitted":
                 yield end, words
 
@@ -268,9 +317,14 @@ def _verb_ends(said: SentenceReader, begin: int, verb: str) -> Iterator[int]:
 
 
 def _passive_ends(
-    said: SentenceReader, place: int, verb: tuple[str, ...], be: Iterable[tuple[str, ...]] = BE_FORMS
+    said: SentenceReader,
+    place: int,
+    verb: tuple[str, ...],
+    be: Iterable[tuple[str, ...]] = BE_FORMS,
 ) -> Iterator[int]:
-    """The places after "is heated", "has been picked up"; or, with other words of `be`, after "must be heated"."""
+    """The places after "is heated", "has been picked up"; or, with other words of `be`, after
+    "must be heated".
+    """
     for words in be:
         if (end := _heard_all(said, place, words)) is not None:
             yield from _participle_ends(said, end, verb)
@@ -291,7 +345,9 @@ def _particle_nodes(node: PhraseNode) -> Iterator[tuple[tuple[str, ...], PhraseN
 def _object_nodes(
     matcher: Matcher, node: PhraseNode, place: int
 ) -> Iterator[tuple[int, tuple[SlotWords, ...], PhraseNode]]:
-    """What a phrase names first, a slot or words, from a place on: the place after it, what fills the slot, the node behind it."""
+    """What a phrase names first, a slot or words, from a place on: the place after it, what
+    fills the slot, the node behind it.
+    """
     for type_, following in node.slots.items():
         for end, words in matcher.slot(type_, place):
             if words.how != "omitted":
@@ -300,13 +356,21 @@ def _object_nodes(
         if word not in PREPOSITIONS | PARTICLES:
             for end in _heard_word(matcher.said, place, (word,)):
                 yield end, (), following
-                yield from ((e, v, n) for e, v, n in _object_nodes(matcher, following, end) if not v)
+                yield from (
+                    (e, v, n) for e, v, n in _object_nodes(matcher, following, end) if not v
+                )
 
 
-def _left_out(matcher: Matcher, node: PhraseNode, place: int) -> Iterator[tuple[SlotWords, PhraseNode]]:
-    """The slots behind a node that may be left out here, with what is in them then: "... and cooled for 3 min"."""
+def _left_out(
+    matcher: Matcher, node: PhraseNode, place: int
+) -> Iterator[tuple[SlotWords, PhraseNode]]:
+    """The slots behind a node that may be left out here, with what is in them then: "... and
+    cooled for 3 min".
+    """
     for type_, following in node.slots.items():
-        yield from ((words, following) for _, words in matcher.slot(type_, place) if words.how == "omitted")
+        yield from (
+            (words, following) for _, words in matcher.slot(type_, place) if words.how == "omitted"
+        )
 
 
 def _heard_word(said: SentenceReader, place: int, words: Collection[str]) -> Iterator[int]:

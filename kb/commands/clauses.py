@@ -1,7 +1,8 @@
 """Reads the clauses of a sentence: the phrases it says and what fills their slots.
 
-All readings are followed from left to right, and the best one is kept for each place. The best reading needs the fewest words
-that are left out, then the fewest objects that do not fit, then the fewest phrases in another order; then the earlier phrase wins.
+All readings are followed from left to right, and the best one is kept for each place. The best
+reading needs the fewest words that are left out, then the fewest objects that do not fit, then the
+fewest phrases in another order; then the earlier phrase wins.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,8 +19,20 @@ from cellwright.kb.commands.clause_links import (
     repeated_acts,
     wished_acts,
 )
-from cellwright.kb.commands.phrase_matching import LEFT_OUT, MOVED, Book, Match, Matcher, follow_parts
-from cellwright.kb.commands.phrase_patterns import PREPOSITIONS, PatternSlot, PatternWord, PhraseForm
+from cellwright.kb.commands.phrase_matching import (
+    LEFT_OUT,
+    MOVED,
+    Book,
+    Match,
+    Matcher,
+    follow_parts,
+)
+from cellwright.kb.commands.phrase_patterns import (
+    PREPOSITIONS,
+    PatternSlot,
+    PatternWord,
+    PhraseForm,
+)
 from cellwright.kb.commands.sentence_pieces import SentencePiece, SentenceReader, SlotWords
 from cellwright.kb.model.domain_model import NUMERIC_TYPES
 
@@ -29,13 +42,15 @@ FRONT_LINKS = ("first", "that")
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """One phrase in a sentence: its form, the content of its slots, where it begins, and whether "then" precedes it.
+    """One phrase in a sentence: its form, the content of its slots, where it begins, and whether
+    "then" precedes it.
 
-    `link` is "after" or "before" for a clause such as "after heating probe 1", which stands before or behind another. It is
-    "first" or "that" for one that comes before all that was said, or before the clause before it: "but first open the drawer".
-    `again` means that it stands in short for an act that was said before, `passive` that it says what should be done.
-    `marked` says that a comma or "and" precedes it, `stop` that a sentence or half of one begins with it. `waits` has the
-    offsets of the clauses that it waits for.
+    `link` is "after" or "before" for a clause such as "after heating probe 1", which stands before
+    or behind another. It is "first" or "that" for one that comes before all that was said, or
+    before the clause before it: "but first open the drawer". `again` means that it stands in short
+    for an act that was said before, `passive` that it says what should be done. `marked` says that
+    a comma or "and" precedes it, `stop` that a sentence or half of one begins with it. `waits` has
+    the offsets of the clauses that it waits for.
     """
 
     form: PhraseForm
@@ -57,7 +72,10 @@ class Clause:
 
 
 class NotUnderstood(Exception):
-    """The sentence is not understood from piece `index` on. `expected` holds what is possible there."""
+    """The sentence is not understood from piece `index` on.
+
+    `expected` holds what is possible there.
+    """
 
     def __init__(self, said: Sequence[SentencePiece], index: int, expected: frozenset[str]) -> None:
         super().__init__("not understood")
@@ -96,14 +114,17 @@ def read_clauses(book: Book, text: str) -> list[Clause]:
 
 
 def _has_joined(text: str) -> bool:
-    """Whether a sentence has words that can be taken apart, so that it may be understood where it is not as it stands."""
+    """Whether a sentence has words that can be taken apart, so that it may be understood where
+    it is not as it stands.
+    """
     said = SentenceReader(text)
     return said.pieces != SentenceReader(text, apart=True).pieces
 
 
 @dataclass(slots=True)
 class ClauseSearch:
-    """One search for the best reading. With `short`, a clause may leave out words that the clause before it has.
+    """One search for the best reading. With `short`, a clause may leave out words that the clause
+    before it has.
 
     With `apart`, joined words such as "heater-shaker" are read as several.
     """
@@ -133,7 +154,9 @@ class ClauseSearch:
         chosen = min(ends, key=lambda end: end.cost, default=None)
         return [*chosen.clauses()][::-1] if chosen is not None else None
 
-    def _add(self, best: dict[int, dict[tuple[object, ...], _Reading]], readings: Iterator[_Reading]) -> None:
+    def _add(
+        self, best: dict[int, dict[tuple[object, ...], _Reading]], readings: Iterator[_Reading]
+    ) -> None:
         for reading in readings:
             form = (reading.clause.form.phrase, reading.clause.form.parts) if self.short else ()
             key = (reading.clause.link, reading.polite, *form)
@@ -148,13 +171,17 @@ class ClauseSearch:
 
     def _next(self, earlier: _Reading | None, joint: ClauseJoint) -> Iterator[_Reading]:
         """The readings with one clause more, after a joint."""
-        link = earlier.clause.link if earlier is not None and earlier.clause.link in LINK_KINDS else ""
+        link = (
+            earlier.clause.link if earlier is not None and earlier.clause.link in LINK_KINDS else ""
+        )
         if earlier is None or joint.marked or link:
             goes_on = earlier is not None and not joint.stop
             for begin, polite, place in clause_beginnings(self.said, joint.end, goes_on):
                 matches = (
                     *self.matcher.forms(begin),
-                    *wished_acts(self.matcher, begin, earlier is not None and earlier.clause.passive),
+                    *wished_acts(
+                        self.matcher, begin, earlier is not None and earlier.clause.passive
+                    ),
                 )
                 for match in (*matches, *self._short(earlier, begin)):
                     if earlier is not None or not place:
@@ -164,7 +191,9 @@ class ClauseSearch:
                 yield from self._ended(earlier, joint, joint.end, match, act_link)
 
     def _links(self, joint: ClauseJoint, link: str) -> Iterator[tuple[int, str]]:
-        """Where an act that another one comes after or before can begin; or one more of the same kind."""
+        """Where an act that another one comes after or before can begin; or one more of the
+        same kind.
+        """
         if link and joint.marked and not joint.then:
             yield joint.end, link
         yield from link_beginnings(self.said, joint.end)
@@ -182,14 +211,20 @@ class ClauseSearch:
         cost, count, order = earlier.cost if earlier is not None else (0, 0, 0)
         cost += match.cost + self.matcher.unfit(match) + (MOVED if match.form.moved else 0)
         for end, last, place in clause_endings(self.said, match.end, earlier is None):
-            if match.values and match.values[-1].but and _says_first(self.said.pieces[match.end : end]):
+            if (
+                match.values
+                and match.values[-1].but
+                and _says_first(self.said.pieces[match.end : end])
+            ):
                 continue  # "store all probes but probe 2 first" leaves nothing out
             then = joint.then or last
             if then and place == "first":
                 place = ""  # "then open the drawer first": before what follows
             if match.shared and "first" in (place, link):
                 place = link = (
-                    "that"  # "fill all bottles, then pack them, b2 first": b2 is packed first, not before all
+                    # "fill all bottles, then pack them, b2 first": b2 is packed first, not before
+                    # all
+                    "that"
                 )
             clause = Clause(
                 match.form,
@@ -203,26 +238,38 @@ class ClauseSearch:
                 passive=match.passive,
             )
             total = (cost, count + 1, order + match.form.phrase)
-            yield _Reading(end, total, clause, earlier, polite or (earlier is not None and earlier.polite))
+            yield _Reading(
+                end, total, clause, earlier, polite or (earlier is not None and earlier.polite)
+            )
 
     def _again(self, earlier: _Reading | None, begin: int) -> Iterator[Match]:
-        """Acts behind "after" or "before" that share words with an earlier clause: "once heated", "measure m1 before m2"."""
+        """Acts behind "after" or "before" that share words with an earlier clause: "once
+        heated", "measure m1 before m2".
+        """
         if self.short and earlier is not None:
-            yield from (replace(match, cost=LEFT_OUT) for match in self._shared(earlier.clause, begin))
+            yield from (
+                replace(match, cost=LEFT_OUT) for match in self._shared(earlier.clause, begin)
+            )
             yield from repeated_acts(
                 self.matcher, begin, [(clause.form, clause.values) for clause in earlier.clauses()]
             )
 
     def _short(self, earlier: _Reading | None, begin: int) -> Iterator[Match]:
-        """The clauses that share words with the one before: "... and probe 2 for 10 min", "... and close it"."""
+        """The clauses that share words with the one before: "... and probe 2 for 10 min", "...
+        and close it".
+        """
         if not self.short or earlier is None:
             return
         for match in self._shared(earlier.clause, begin):
             yield replace(match, cost=match.cost + LEFT_OUT, shared=True)
-        named_things = [named_thing for clause in earlier.clauses() for named_thing in self._things(clause)]
+        named_things = [
+            named_thing for clause in earlier.clauses() for named_thing in self._things(clause)
+        ]
         for word, node in self.book.natural.words.items():
             if (end := self.said.word(begin, word)) is not None:
-                for match in self.matcher.walk(node, end, (), tuple(dict.fromkeys(named_things))[:10]):
+                for match in self.matcher.walk(
+                    node, end, (), tuple(dict.fromkeys(named_things))[:10]
+                ):
                     yield replace(match, cost=match.cost + LEFT_OUT)
 
     def _shared(self, clause: Clause, begin: int) -> Iterator[Match]:
@@ -248,9 +295,17 @@ class ClauseSearch:
             yield from self._with_the_same_end(clause, start, begin, clause.values[:slots])
 
     def _with_the_same_end(
-        self, clause: Clause, start: int, place: int, values: tuple[SlotWords, ...], first: bool = True
+        self,
+        clause: Clause,
+        start: int,
+        place: int,
+        values: tuple[SlotWords, ...],
+        first: bool = True,
     ) -> Iterator[Match]:
-        """Only some parts from `start` on are said; what follows is as in the clause before. `first`: nothing is said yet."""
+        """Only some parts from `start` on are said; what follows is as in the clause before.
+
+        `first`: nothing is said yet.
+        """
         part = clause.form.parts[start] if start < len(clause.form.parts) else None
         if isinstance(part, PatternWord):
             if (end := self.said.word(place, part.text)) is not None:
@@ -270,7 +325,9 @@ class ClauseSearch:
 
     def _things(self, clause: Clause) -> Iterator[tuple[str, ...]]:
         """What a clause names in the words of its phrase: objects, or all words behind the verb."""
-        words = tuple(part.text if isinstance(part, PatternWord) else "" for part in clause.form.parts)
+        words = tuple(
+            part.text if isinstance(part, PatternWord) else "" for part in clause.form.parts
+        )
         for named in reversed(self.book.vocabulary.named(clause.form.parts)):
             yield words[named.first : named.last + 1]
         if "" not in words:
@@ -279,9 +336,9 @@ class ClauseSearch:
 
 def _is_bare_number(words: SlotWords) -> bool:
     """Whether a slot is filled by numbers alone."""
-    return all(mention.how == "numbered" and not mention.owner for mention in words.mentions) and bool(
-        words.mentions
-    )
+    return all(
+        mention.how == "numbered" and not mention.owner for mention in words.mentions
+    ) and bool(words.mentions)
 
 
 def _says_first(pieces: Sequence[SentencePiece]) -> bool:

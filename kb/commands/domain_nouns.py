@@ -6,7 +6,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from cellwright.kb.commands.phrase_patterns import ARTICLES, PatternWord, Variant, noun_plurals, spoken_words
+from cellwright.kb.commands.phrase_patterns import (
+    ARTICLES,
+    PatternWord,
+    Variant,
+    noun_plurals,
+    spoken_words,
+)
 from cellwright.kb.commands.sentence_pieces import SlotWords
 from cellwright.kb.model.domain_model import BUILT_IN_TYPES, Domain
 
@@ -19,7 +25,9 @@ Nouns = Mapping[str, tuple[tuple[Noun, str], ...]]
 
 @dataclass(frozen=True, slots=True)
 class NamedObject:
-    """An object that the words of a phrase name, and the numbers of the first and last part that name it."""
+    """An object that the words of a phrase name, and the numbers of the first and last part
+    that name it.
+    """
 
     object: str
     first: int
@@ -27,7 +35,10 @@ class NamedObject:
 
 
 class NounVocabulary:
-    """The nouns of the types and objects of a domain. `objects` maps the names of all objects to their types."""
+    """The nouns of the types and objects of a domain.
+
+    `objects` maps the names of all objects to their types.
+    """
 
     def __init__(self, domain: Domain, objects: Mapping[str, str]) -> None:
         self.domain, self.objects = domain, objects
@@ -37,12 +48,18 @@ class NounVocabulary:
         self._folded = {name.lower(): name for name in reversed(list(objects))}
 
     def nouns(self, type_: str) -> Nouns:
-        """The nouns for objects of a type, each with the type that it belongs to (the type itself or one below it)."""
+        """The nouns for objects of a type, each with the type that it belongs to (the type
+        itself or one below it).
+        """
         if type_ not in self._nouns:
             own = [type_] if type_ in BUILT_IN_TYPES else []
             below = (
                 *own,
-                *(subtype for subtype in self.domain.types if self.domain.is_subtype(subtype, type_)),
+                *(
+                    subtype
+                    for subtype in self.domain.types
+                    if self.domain.is_subtype(subtype, type_)
+                ),
             )
             self._nouns[type_] = _by_first(
                 (noun, subtype) for subtype in below for noun in self._said(subtype)
@@ -53,7 +70,9 @@ class NounVocabulary:
         """The nouns of single objects of a type, each with its object."""
         if type_ not in self._called:
             names = (name for name in self.objects if self.is_a(name, type_))
-            self._called[type_] = _by_first((noun, name) for name in names for noun in self._own(name))
+            self._called[type_] = _by_first(
+                (noun, name) for name in names for noun in self._own(name)
+            )
         return self._called[type_]
 
     def name(self, said: str) -> str | None:
@@ -66,8 +85,12 @@ class NounVocabulary:
 
     @cached_property
     def things(self) -> Mapping[Noun, str]:
-        """The objects by their names and nouns, as the words of a phrase may contain them; no constants of closed lists."""
-        constants = {constant for type_ in self.domain.types.values() for constant in type_.constants}
+        """The objects by their names and nouns, as the words of a phrase may contain them; no
+        constants of closed lists.
+        """
+        constants = {
+            constant for type_ in self.domain.types.values() for constant in type_.constants
+        }
         nouns: dict[Noun, str] = {}
         for name in (object_name for object_name in self.objects if object_name not in constants):
             for noun in ((name.lower(),), *self._own(name)):
@@ -75,7 +98,9 @@ class NounVocabulary:
         return nouns
 
     def named(self, parts: Variant) -> tuple[NamedObject, ...]:
-        """The objects that the words of a phrase name, in order; of several readings, the longest noun."""
+        """The objects that the words of a phrase name, in order; of several readings, the
+        longest noun.
+        """
         longest = max(map(len, self.things), default=0)
         words = tuple(part.text if isinstance(part, PatternWord) else "" for part in parts)
         named: list[NamedObject] = []
@@ -101,20 +126,29 @@ class NounVocabulary:
             (words.owner, words.pieces),
             *((mention.owner, mention.pieces) for mention in words.mentions),
         )
-        nouns = ((owner, self._singular(owner, [piece.lower for piece in pieces])) for owner, pieces in parts)
+        nouns = (
+            (owner, self._singular(owner, [piece.lower for piece in pieces]))
+            for owner, pieces in parts
+        )
         return {owner: noun for owner, noun in nouns if noun}
 
     def _singular(self, type_: str, said: Sequence[str]) -> str:
-        """The noun of a type that stands among these words, as one says it of one object; empty if none does."""
+        """The noun of a type that stands among these words, as one says it of one object; empty
+        if none does.
+        """
         known_nouns = list(self._said(type_)) if type_ in self.domain.types else []
         contained = [noun for noun in known_nouns if _contains_noun(said, noun)]
         if not contained:
             return ""
         longest = max(map(" ".join, contained), key=len)
-        return min((noun for noun in map(" ".join, known_nouns) if longest in noun_plurals(noun)), key=len)
+        return min(
+            (noun for noun in map(" ".join, known_nouns) if longest in noun_plurals(noun)), key=len
+        )
 
     def usual_noun(self, type_: str) -> str:
-        """What an object of a type is called where nobody has said it: the noun that all their names begin with, or the type."""
+        """What an object of a type is called where nobody has said it: the noun that all their
+        names begin with, or the type.
+        """
         names = [name for name in self.objects if self.is_a(name, type_)]
         stems = {tuple(re.sub(r"_?\d+$", "", name).lower().split("_")) for name in names}
         common = stems & set(self._said(type_)) if len(stems) == 1 else ()
@@ -129,14 +163,21 @@ class NounVocabulary:
         """The nouns of one object: those listed under `words`, and its name with blanks."""
         if name not in self.domain.types:
             yield from (
-                _without_article(spoken_words(wording)) for wording in self.domain.words.get(name, ())
+                _without_article(spoken_words(wording))
+                for wording in self.domain.words.get(name, ())
             )
         parts = tuple(name.lower().split("_"))
-        if len(parts) > 1 and all(parts) and not (parts[-1].isdecimal() and self._is_noun(name, parts[:-1])):
+        if (
+            len(parts) > 1
+            and all(parts)
+            and not (parts[-1].isdecimal() and self._is_noun(name, parts[:-1]))
+        ):
             yield parts
 
     def _is_noun(self, name: str, stem: Noun) -> bool:
-        """Whether the beginning of a name is a noun of its type, so that "probe 1" says it anyway."""
+        """Whether the beginning of a name is a noun of its type, so that "probe 1" says it
+        anyway.
+        """
         return any(stem == noun for noun in self._said(self.objects[name]))
 
 

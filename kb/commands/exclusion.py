@@ -1,8 +1,8 @@
 """Mutual exclusion of conditions, read from the domain, so that acts about one thing are joined.
 
-Read from the deductive operators and from what operators delete, without grounding. A constraint over statics that names no
-object left open is looked up among the facts; what only a rule defines counts as false. So acts are joined only where one
-surely undoes the other.
+Read from the deductive operators and from what operators delete, without grounding. A constraint
+over statics that names no object left open is looked up among the facts; what only a rule defines
+counts as false. So acts are joined only where one surely undoes the other.
 """
 
 import itertools
@@ -31,7 +31,10 @@ MAX_FOLLOWED_CONSEQUENCES = 200  # consequences that are followed for one atom
 
 @dataclass(frozen=True, slots=True)
 class _Pattern:
-    """Atoms that an act makes true or false. A variable stands for anything that the comparisons allow."""
+    """Atoms that an act makes true or false.
+
+    A variable stands for anything that the comparisons allow.
+    """
 
     atom: Atom
     where: tuple[Comparison, ...] = ()
@@ -42,12 +45,18 @@ class _Pattern:
 
 
 class Exclusion:
-    """Answers whether two conditions can hold together. `objects` maps names to types; `facts` are those of the problem."""
+    """Answers whether two conditions can hold together.
+
+    `objects` maps names to types; `facts` are those of the problem.
+    """
 
     def __init__(self, domain: Domain, objects: Mapping[str, str], facts: Iterable[Atom]) -> None:
         self.domain, self.objects = domain, objects
         stated = (statement.head for statement in domain.asp if not statement.body)
-        self.facts = {*map(str, facts), *(head.replace(",", ", ").replace(",  ", ", ") for head in stated)}
+        self.facts = {
+            *map(str, facts),
+            *(head.replace(",", ", ").replace(",  ", ", ") for head in stated),
+        }
         self._numbers = itertools.count()
         self._reach: dict[str, frozenset[str]] = {}
 
@@ -66,20 +75,30 @@ class Exclusion:
         return self._undone(first, second) or self._undone(second, first)
 
     def interrupted(self, one: Literal, other: Literal) -> bool:
-        """Whether the first cannot hold when the other becomes true: every operator that makes it true needs what excludes it."""
+        """Whether the first cannot hold when the other becomes true: every operator that makes
+        it true needs what excludes it.
+        """
         if not one.positive or not other.positive:
             return False
         first, second = self._open(one.atom), self._open(other.atom)
-        needs = [atoms for operator in self.domain.operators for atoms in self._needs(operator, second)]
+        needs = [
+            atoms for operator in self.domain.operators for atoms in self._needs(operator, second)
+        ]
         return bool(needs) and all(
-            any(self._undone(first, need) or self._undone(need, first) for need in atoms if _is_sure(need))
+            any(
+                self._undone(first, need) or self._undone(need, first)
+                for need in atoms
+                if _is_sure(need)
+            )
             for atoms in needs
         )
 
     def _needs(self, operator: Operator, made: Atom) -> Iterator[list[Atom]]:
         """What an operator needs when it adds an atom, once for each effect that adds it."""
         rename = self._renaming(operator.variables)
-        conditions = [literal.atom for literal in _needed_literals(operator.precondition) if literal.positive]
+        conditions = [
+            literal.atom for literal in _needed_literals(operator.precondition) if literal.positive
+        ]
         for effect in operator.effects:
             bindings = unify(_rename_atom(effect.atom, rename), made, {}) if effect.adds else None
             if bindings is not None and self._typed(operator.parameters, rename, bindings):
@@ -102,7 +121,9 @@ class Exclusion:
                         for e in o.effects
                         if _adds_predicate(o, name)
                     ]
-                waiting += [predicate for predicate in dict.fromkeys(following) if predicate not in reached]
+                waiting += [
+                    predicate for predicate in dict.fromkeys(following) if predicate not in reached
+                ]
                 reached.update(following)
             self._reach[name] = frozenset(reached)
         return self._reach[name]
@@ -118,23 +139,34 @@ class Exclusion:
         """Whether making one atom true makes the other false, whatever operator does it."""
         if self._denied([_Pattern(made)], [], other):
             return True
-        makers = [effect for operator in self.domain.operators for effect in self._effects(operator, made)]
+        makers = [
+            effect for operator in self.domain.operators for effect in self._effects(operator, made)
+        ]
         return bool(makers) and all(self._denied(adds, deletes, other) for adds, deletes in makers)
 
-    def _effects(self, operator: Operator, made: Atom) -> Iterator[tuple[list[_Pattern], list[_Pattern]]]:
+    def _effects(
+        self, operator: Operator, made: Atom
+    ) -> Iterator[tuple[list[_Pattern], list[_Pattern]]]:
         """What an operator that adds an atom also adds and surely deletes."""
         rename = self._renaming(operator.variables)
         always = [effect for effect in operator.effects if effect.condition == And(())]
-        needed = [literal.atom for literal in _needed_literals(operator.precondition) if literal.positive]
+        needed = [
+            literal.atom for literal in _needed_literals(operator.precondition) if literal.positive
+        ]
         for effect in always:
             if not effect.adds:
                 continue
             bindings = unify(_rename_atom(effect.atom, rename), made, {})
             if bindings is not None and self._typed(operator.parameters, rename, bindings):
                 adds = [e.atom for e in always if e.adds]
-                deletes = [e.atom for e in always if not e.adds and (e.atom in needed or not e.parameters)]
+                deletes = [
+                    e.atom for e in always if not e.adds and (e.atom in needed or not e.parameters)
+                ]
                 patterns = (
-                    [_Pattern(_as_atom(resolve_term(_rename_atom(a, rename), bindings))) for a in atoms]
+                    [
+                        _Pattern(_as_atom(resolve_term(_rename_atom(a, rename), bindings)))
+                        for a in atoms
+                    ]
                     for atoms in (adds, deletes)
                 )
                 yield next(patterns), next(patterns)
@@ -164,10 +196,14 @@ class Exclusion:
             ):
                 continue
             own = [
-                p.variable for consequence in deductive_operator.consequences for p in consequence.parameters
+                p.variable
+                for consequence in deductive_operator.consequences
+                for p in consequence.parameters
             ]
             rename = self._renaming([*(p.variable for p in deductive_operator.parameters), *own])
-            bindings = unify(_rename_atom(deductive_operator.trigger.atom, rename), pattern.atom, {})
+            bindings = unify(
+                _rename_atom(deductive_operator.trigger.atom, rename), pattern.atom, {}
+            )
             if bindings is None or not pattern.allows(bindings):
                 continue
             if not self._typed(deductive_operator.parameters, rename, bindings) or not self._holds(
@@ -177,7 +213,9 @@ class Exclusion:
             for consequence in deductive_operator.consequences:
                 if self._holds(consequence.body, rename, bindings):
                     atom = _as_atom(resolve_term(_rename_atom(consequence.atom, rename), bindings))
-                    where = _open_comparisons([*deductive_operator.body, *consequence.body], rename, bindings)
+                    where = _open_comparisons(
+                        [*deductive_operator.body, *consequence.body], rename, bindings
+                    )
                     yield _Pattern(atom, where), consequence.implied
 
     def _holds(self, body: Body, rename: Substitution, bindings: Substitution) -> bool:
@@ -188,7 +226,10 @@ class Exclusion:
                     return False
             elif isinstance(part, Literal):
                 atom = resolve_term(_rename_atom(part.atom, rename), bindings)
-                if is_ground(atom) and (str(atom) in self.facts or self._has_type(atom)) != part.positive:
+                if (
+                    is_ground(atom)
+                    and (str(atom) in self.facts or self._has_type(atom)) != part.positive
+                ):
                     return False
             else:
                 return False
@@ -196,13 +237,22 @@ class Exclusion:
 
     def _has_type(self, atom: Term) -> bool:
         """Whether an atom such as `laser(slra)` says a type that its object has."""
-        if not isinstance(atom, Function) or atom.name not in self.domain.types or len(atom.arguments) != 1:
+        if (
+            not isinstance(atom, Function)
+            or atom.name not in self.domain.types
+            or len(atom.arguments) != 1
+        ):
             return False
         return self._is(atom.arguments[0], atom.name)
 
-    def _typed(self, parameters: Iterable[Parameter], rename: Substitution, bindings: Substitution) -> bool:
+    def _typed(
+        self, parameters: Iterable[Parameter], rename: Substitution, bindings: Substitution
+    ) -> bool:
         """Whether the bound parameters are of their types."""
-        bound = ((resolve_term(substitute_term(p.variable, rename), bindings), p.type) for p in parameters)
+        bound = (
+            (resolve_term(substitute_term(p.variable, rename), bindings), p.type)
+            for p in parameters
+        )
         return all(self._is(term, type_) for term, type_ in bound if isinstance(term, Function))
 
     def _is(self, term: Term, type_: str) -> bool:
@@ -211,25 +261,41 @@ class Exclusion:
         if term.name in self.domain.functions:
             return self.domain.is_subtype(self.domain.functions[term.name].result, type_)
         own = self.objects.get(term.name) or next(
-            (declared.name for declared in self.domain.types.values() if term.name in declared.constants), ""
+            (
+                declared.name
+                for declared in self.domain.types.values()
+                if term.name in declared.constants
+            ),
+            "",
         )
         return not own or self.domain.is_subtype(own, type_)
 
     def _open(self, atom: Atom) -> Atom:
-        """The atom with an object for each `_`: the only one of its type, or one that may be any, but is no other."""
-        types = self.domain.predicates[atom.name].arguments if atom.name in self.domain.predicates else ()
+        """The atom with an object for each `_`: the only one of its type, or one that may be
+        any, but is no other.
+        """
+        types = (
+            self.domain.predicates[atom.name].arguments
+            if atom.name in self.domain.predicates
+            else ()
+        )
         return Function(
             atom.name, tuple(self._opened(a, t) for a, t in zip(atom.arguments, types, strict=True))
         )
 
     def _opened(self, term: Term, type_: str) -> Term:
         if term == ANYTHING:
-            candidates = [name for name, own in self.objects.items() if self.domain.is_subtype(own, type_)]
-            return Function(candidates[0] if len(candidates) == 1 else f"{SOME_OBJECT}{next(self._numbers)}")
+            candidates = [
+                name for name, own in self.objects.items() if self.domain.is_subtype(own, type_)
+            ]
+            return Function(
+                candidates[0] if len(candidates) == 1 else f"{SOME_OBJECT}{next(self._numbers)}"
+            )
         if isinstance(term, Function) and term.name in self.domain.functions:
             types = self.domain.functions[term.name].arguments
             return Function(
-                term.name, tuple(self._opened(a, t) for a, t in zip(term.arguments, types, strict=True))
+                term.name,
+                tuple(self._opened(a, t) for a, t in zip(term.arguments, types, strict=True)),
             )
         return term
 
@@ -257,7 +323,9 @@ def _as_atom(term: Term) -> Atom:
 
 
 def _rename_comparison(part: Comparison, rename: Substitution) -> Comparison:
-    return Comparison(substitute_term(part.left, rename), part.relation, substitute_term(part.right, rename))
+    return Comparison(
+        substitute_term(part.left, rename), part.relation, substitute_term(part.right, rename)
+    )
 
 
 def _open_comparisons(

@@ -8,16 +8,23 @@ from fractions import Fraction
 from cellwright.kb.commands.domain_nouns import NounVocabulary
 from cellwright.kb.commands.phrase_matching import ORDINAL_WORDS
 from cellwright.kb.commands.phrase_patterns import with_article
-from cellwright.kb.commands.sentence_pieces import SentencePiece, SlotMention, SlotWords, UnclearReference
+from cellwright.kb.commands.sentence_pieces import (
+    SentencePiece,
+    SlotMention,
+    SlotWords,
+    UnclearReference,
+)
 from cellwright.kb.diagnostics import nearest_hint
 from cellwright.kb.terms import Function, natural_key
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectRows:
-    """The rows of which "the last two" may speak: the objects `named` before, and the `whole` row of all.
+    """The rows of which "the last two" may speak: the objects `named` before, and the `whole` row
+    of all.
 
-    The named ones may have been `ranked` themselves: "heat the first two". `there` says which objects there are.
+    The named ones may have been `ranked` themselves: "heat the first two". `there` says which
+    objects there are.
     """
 
     named: Sequence[str]
@@ -26,17 +33,23 @@ class ObjectRows:
     there: str
 
     def chosen(self, mention: SlotMention, said: str) -> Sequence[str]:
-        """The objects at the places that a mention names in the row that is meant. Raises `Unclear`.
+        """The objects at the places that a mention names in the row that is meant. Raises
+        `Unclear`.
 
-        With a noun, as in "the first probe", both rows must agree. Without one, those that were named are meant, unless they
-        were all named as the first or the last ones: then the others of the whole row are.
+        With a noun, as in "the first probe", both rows must agree. Without one, those that were
+        named are meant, unless they were all named as the first or the last ones: then the others
+        of the whole row are.
         """
         ends = mention.ends
         rows = [row for row in (self.named if len(self.named) > 1 else (), self.whole) if row]
         if not rows:
             hint = f"{self.there}; say its number or its name"
-            raise UnclearReference(ends[0].offset, f"'{said}' of what? nothing here stands in a row", hint)
-        chosen = list(dict.fromkeys(objects for row in rows if (objects := tuple(_at_places(row, ends)))))
+            raise UnclearReference(
+                ends[0].offset, f"'{said}' of what? nothing here stands in a row", hint
+            )
+        chosen = list(
+            dict.fromkeys(objects for row in rows if (objects := tuple(_at_places(row, ends))))
+        )
         if not chosen:
             raise UnclearReference(ends[0].offset, f"there is no '{said}'", self.there)
         if self.ranked and len(chosen) > 1 and set(chosen[0]) == set(self.named):
@@ -49,15 +62,24 @@ class ObjectRows:
         return chosen[0]
 
     def _require_enough(self, ends: Sequence[SentencePiece], said: str) -> None:
-        """Raises `Unclear` if fewer were named than are asked for: nobody knows whether the others are meant, too."""
+        """Raises `Unclear` if fewer were named than are asked for: nobody knows whether the
+        others are meant, too.
+        """
         if len(self.named) > 1 and _at_places(self.named, ends):
             return
-        only = f"only {' and '.join(self.named)} {'was' if len(self.named) == 1 else 'were'} named before"
-        raise UnclearReference(ends[0].offset, f"'{said}' of which? {only}", "say the numbers or names")
+        only = (
+            f"only {' and '.join(self.named)} {'was' if len(self.named) == 1 else 'were'} named "
+            "before"
+        )
+        raise UnclearReference(
+            ends[0].offset, f"'{said}' of which? {only}", "say the numbers or names"
+        )
 
 
 def _at_places(row: Sequence[str], ends: Sequence[SentencePiece]) -> Sequence[str]:
-    """The objects at the places that an ordinal and a count name: the first two, the third, the last; nothing if there are too few."""
+    """The objects at the places that an ordinal and a count name: the first two, the third, the
+    last; nothing if there are too few.
+    """
     ordinal, count = ends[0].lower, int(ends[1].value or 1) if len(ends) > 1 else 1
     first = len(row) - count if ordinal == "last" else ORDINAL_WORDS.index(ordinal)
     return row[first : first + count] if 0 <= first <= len(row) - count else ()
@@ -67,13 +89,21 @@ NUMBER_ENDING = re.compile(r"(.*?)(\d+)")
 
 
 class References:
-    """The objects named so far, and the objects that a slot of a type may mean. `objects` maps names to types."""
+    """The objects named so far, and the objects that a slot of a type may mean.
+
+    `objects` maps names to types.
+    """
 
     def __init__(self, vocabulary: NounVocabulary) -> None:
-        self.vocabulary, self.domain, self.objects = vocabulary, vocabulary.domain, vocabulary.objects
+        self.vocabulary, self.domain, self.objects = (
+            vocabulary,
+            vocabulary.domain,
+            vocabulary.objects,
+        )
         self.named: list[tuple[str, ...]] = []
         self.nouns: dict[str, str] = {}  # what the sentence calls an object of a type
-        self.each: set[tuple[str, ...]] = set()  # named by "each" or "every", so that "it" means each of them
+        # named by "each" or "every", so that "it" means each of them
+        self.each: set[tuple[str, ...]] = set()
         self.ranked: set[tuple[str, ...]] = set()  # named as the first ones, the last ones, ...
 
     def resolve(self, words: SlotWords, type_: str) -> tuple[Function, ...]:
@@ -100,7 +130,9 @@ class References:
         gone = self._listed(words.but, words.owner or type_)
         if strange := [name for name in gone if name not in objects]:
             message = f"{strange[0]} is not among those from which it is left out"
-            raise UnclearReference(words.but[0].pieces[0].offset, message, f"these are: {', '.join(objects)}")
+            raise UnclearReference(
+                words.but[0].pieces[0].offset, message, f"these are: {', '.join(objects)}"
+            )
         if not (remaining := [name for name in objects if name not in gone]):
             raise UnclearReference(
                 words.pieces[0].offset, f"there is no other {self._noun(words.owner or type_)}"
@@ -140,9 +172,12 @@ class References:
         named = {name for names in self.named for name in names if self._is(name, words.owner)}
         if words.how == "bare" and named and named != set(objects):
             message = (
-                f"'all' can mean those that were named ({', '.join(sorted(named))}), or all that there are"
+                f"'all' can mean those that were named ({', '.join(sorted(named))}), or all "
+                "that there are"
             )
-            raise UnclearReference(offset, message, "say 'them', 'all of them', or 'all' with a noun")
+            raise UnclearReference(
+                offset, message, "say 'them', 'all of them', or 'all' with a noun"
+            )
         return objects
 
     def _check_count(self, counted: SlotMention, objects: Sequence[str], owner: str) -> None:
@@ -168,30 +203,41 @@ class References:
         wording = " ".join(piece.text for piece in words.pieces)
         if named and objects and self._is_one(words) and len(objects) > 1:
             raise UnclearReference(
-                offset, f"which '{wording}'? there are {len(objects)}", f"these: {', '.join(objects)}"
+                offset,
+                f"which '{wording}'? there are {len(objects)}",
+                f"these: {', '.join(objects)}",
             )
         for counted in words.mentions:
             if counted.ends[0].value != 1:
                 self._check_count(counted, objects, words.owner)
         if not named:
-            message = f"'{wording}' means those that were not named, but no {self._noun(words.owner)} was named before"
+            message = (
+                f"'{wording}' means those that were not named, but no {self._noun(words.owner)} "
+                "was named before"
+            )
             raise UnclearReference(offset, message, self._range(words.owner))
         if not objects:
             raise UnclearReference(
-                offset, f"'{wording}': there is no other {self._noun(words.owner)}", self._range(words.owner)
+                offset,
+                f"'{wording}': there is no other {self._noun(words.owner)}",
+                self._range(words.owner),
             )
         return objects
 
     def _is_one(self, words: SlotWords) -> bool:
         """Whether the words name one object: "the other one", "the other probe"."""
         last = words.pieces[-1].lower
-        plurals = {noun[-1] for nouns in self.vocabulary.nouns(words.owner).values() for noun, _ in nouns}
+        plurals = {
+            noun[-1] for nouns in self.vocabulary.nouns(words.owner).values() for noun, _ in nouns
+        }
         return last == "one" or any(
             plural in plurals and plural != last for plural in (f"{last}s", f"{last}es")
         )
 
     def _earlier(self, words: SlotWords, offset: int, type_: str) -> Sequence[str]:
-        """The objects that a pronoun means: the last list of this type. "them" after single objects means all of them."""
+        """The objects that a pronoun means: the last list of this type. "them" after single
+        objects means all of them.
+        """
         words_said = [piece.lower for piece in words.pieces]
         fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
         if not fitting:
@@ -202,7 +248,10 @@ class References:
         last = fitting[-1]
         if words_said[0] in ("it", "this", "that"):
             if len(last) > 1 and last not in self.each:
-                message = f"'{' '.join(words_said)}' means one object, but the last ones named were {', '.join(last)}"
+                message = (
+                    f"'{' '.join(words_said)}' means one object, but the last ones named were "
+                    f"{', '.join(last)}"
+                )
                 raise UnclearReference(offset, message, "did you mean 'them'?")
             return last
         if words_said[0] == "same":
@@ -241,13 +290,17 @@ class References:
             case how, ends:
                 raise AssertionError(f"a mention that no rule makes: {how} {ends}")
 
-    def _by_noun(self, mention: SlotMention, ends: Sequence[SentencePiece], type_: str) -> Sequence[str]:
+    def _by_noun(
+        self, mention: SlotMention, ends: Sequence[SentencePiece], type_: str
+    ) -> Sequence[str]:
         if mention.how == "ranked":
             return self._ranked(mention, type_)
         return self._sole(mention, type_) if not ends else self._counted(mention, ends[0], type_)
 
     def _sole(self, mention: SlotMention, type_: str) -> Sequence[str]:
-        """The only object of a type, or the one that was named last: "heat probe 1, then cool the probe"."""
+        """The only object of a type, or the one that was named last: "heat probe 1, then cool
+        the probe".
+        """
         objects = self._of(type_)
         if len(objects) == 1:
             return objects
@@ -269,10 +322,14 @@ class References:
         if count.value == len(objects):
             return objects
         wording = " ".join(piece.text for piece in mention.pieces)
-        raise UnclearReference(count.offset, f"which {wording}? there are {len(objects)}", self._range(type_))
+        raise UnclearReference(
+            count.offset, f"which {wording}? there are {len(objects)}", self._range(type_)
+        )
 
     def _ranked(self, mention: SlotMention, type_: str) -> Sequence[str]:
-        """The objects at places of a row: of those that were named, or else of all, if these are numbered from 1 on."""
+        """The objects at places of a row: of those that were named, or else of all, if these
+        are numbered from 1 on.
+        """
         wording = " ".join(piece.text for piece in mention.pieces)
         named, whole = self._named_so_far(type_), self._of(type_)
         numbered = [_number_of_name(name) for name in whole] == [*range(1, len(whole) + 1)]
@@ -281,7 +338,9 @@ class References:
         return rows.chosen(mention, wording)
 
     def _named_so_far(self, type_: str) -> tuple[str, ...]:
-        """The last list of objects of a type, as they were said; single ones together, in the order in which they were."""
+        """The last list of objects of a type, as they were said; single ones together, in the
+        order in which they were.
+        """
         fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
         if fitting and len(fitting[-1]) > 1:
             return fitting[-1]
@@ -328,10 +387,14 @@ class References:
             )
         if int(low[2]) > int(high[2]):
             raise UnclearReference(
-                first.offset, f"from {first.text} to {last.text} there is nothing", "exchange the two ends"
+                first.offset,
+                f"from {first.text} to {last.text} there is nothing",
+                "exchange the two ends",
             )
         for number in range(int(low[2]), int(high[2]) + 1):
-            yield self._named(SentencePiece(last.kind, f"{low[1]}{number:0{len(low[2])}}", last.offset))
+            yield self._named(
+                SentencePiece(last.kind, f"{low[1]}{number:0{len(low[2])}}", last.offset)
+            )
 
     def _is(self, name: str, type_: str) -> bool:
         return self.domain.is_subtype(self.objects[name], type_)
@@ -343,7 +406,9 @@ class References:
     def _range(self, type_: str) -> str:
         names = self._of(type_)
         if not names:
-            return f"give the command to a problem that has {self._article(type_)}: here there is none"
+            return (
+                f"give the command to a problem that has {self._article(type_)}: here there is none"
+            )
         shown = ", ".join(names) if len(names) <= 6 else f"{names[0]} to {names[-1]}"
         return f"there {'is' if len(names) == 1 else 'are'} {shown}"
 

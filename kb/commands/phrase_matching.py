@@ -57,9 +57,11 @@ NUMBER_SIGNS = (("number",), ("no",), ("no", "."), ("nr",), ("nr", "."), ("#",))
 
 
 class Mentions:
-    """The readings of slots in one sentence: `at(type, place)` gives each place where a reading may end.
+    """The readings of slots in one sentence: `at(type, place)` gives each place where a reading may
+    end.
 
-    With `strict`, a name of an object of another type is no reading; otherwise it is one, and is reported later.
+    With `strict`, a name of an object of another type is no reading; otherwise it is one, and is
+    reported later.
     """
 
     def __init__(self, said: SentenceReader, vocabulary: NounVocabulary, strict: bool) -> None:
@@ -96,7 +98,9 @@ class Mentions:
         yield from self._others(type_, place)
         yield from self._pronoun(type_, place)
 
-    def _without(self, type_: str, place: int, end: int, words: SlotWords) -> Iterator[tuple[int, SlotWords]]:
+    def _without(
+        self, type_: str, place: int, end: int, words: SlotWords
+    ) -> Iterator[tuple[int, SlotWords]]:
         """The same objects without some that are named behind "except"."""
         if (
             words.how == "list"
@@ -112,7 +116,10 @@ class Mentions:
                 yield after, replace(words, pieces=self._pieces(place, after), but=excepted)
 
     def _list(self, type_: str, place: int) -> Iterator[tuple[int, tuple[SlotMention, ...]]]:
-        """Lists of mentions, the shortest first. After "and", each further mention makes a longer list."""
+        """Lists of mentions, the shortest first.
+
+        After "and", each further mention makes a longer list.
+        """
         ends: list[tuple[int, tuple[SlotMention, ...]]] = [
             (end, (_as_count(mention),)) for end, mention in self._items(type_, place)
         ]
@@ -124,7 +131,9 @@ class Mentions:
             seen.add(end)
             yield end, mentions
             for begin in self._more(end):
-                ends += [(after, (*mentions, mention)) for after, mention in self._items(type_, begin)]
+                ends += [
+                    (after, (*mentions, mention)) for after, mention in self._items(type_, begin)
+                ]
 
     def _more(self, place: int) -> Iterator[int]:
         comma = self.said.word(place, ",")
@@ -156,7 +165,10 @@ class Mentions:
             yield end, SlotMention("sole", owner, (), self._pieces(place, end))
         if (count := self.said.number(place)) is not None:
             for end, owner in self._said(self.vocabulary.nouns(type_), count):
-                yield end, SlotMention("counted", owner, (self._last(count),), self._pieces(place, end))
+                yield (
+                    end,
+                    SlotMention("counted", owner, (self._last(count),), self._pieces(place, end)),
+                )
 
     def _ranked(self, type_: str, place: int) -> Iterator[tuple[int, SlotMention]]:
         """Objects by their places in a row: the first two probes, the last one, the first."""
@@ -167,7 +179,8 @@ class Mentions:
         behind = end if count is None else count
         for after, owner in self._said(self.vocabulary.nouns(type_), behind):
             yield after, SlotMention("ranked", owner, (ordinal, *many), self._pieces(place, after))
-        if self.said.start(place) > place or (many and many[0].lower == "one"):  # "the first", "first one"
+        # "the first", "first one"
+        if self.said.start(place) > place or (many and many[0].lower == "one"):
             yield behind, SlotMention("ranked", "", (ordinal, *many), self._pieces(place, behind))
 
     def _numbers(
@@ -182,7 +195,9 @@ class Mentions:
             if (last := self.said.number(after)) is not None:
                 yield (
                     last,
-                    SlotMention("numbers", owner, (first, self._last(last)), self._pieces(place, last)),
+                    SlotMention(
+                        "numbers", owner, (first, self._last(last)), self._pieces(place, last)
+                    ),
                 )
         yield end, SlotMention("numbered", owner, (first,), self._pieces(place, end))
 
@@ -191,7 +206,9 @@ class Mentions:
         for _, owner in nouns:
             yield from self._said(self.vocabulary.nouns(owner), place)
 
-    def _names(self, type_: str, owner: str, place: int, begin: int) -> Iterator[tuple[int, SlotMention]]:
+    def _names(
+        self, type_: str, owner: str, place: int, begin: int
+    ) -> Iterator[tuple[int, SlotMention]]:
         end = self._name(begin, type_)
         if end is None:
             return
@@ -200,7 +217,12 @@ class Mentions:
             last = self._name(until, type_)
             last = self.said.number(until) if last is None else last
             if last is not None:
-                yield last, SlotMention("names", owner, (first, self._last(last)), self._pieces(place, last))
+                yield (
+                    last,
+                    SlotMention(
+                        "names", owner, (first, self._last(last)), self._pieces(place, last)
+                    ),
+                )
         yield end, SlotMention("named", owner, (first,), self._pieces(place, end))
 
     def _name(self, place: int, type_: str) -> int | None:
@@ -238,7 +260,9 @@ class Mentions:
         if counted is not None and self.pieces_at(first).lower == "all":
             yield (
                 counted,
-                SlotWords("list", self._pieces(place, counted), (self._counted("", counted, counted),)),
+                SlotWords(
+                    "list", self._pieces(place, counted), (self._counted("", counted, counted),)
+                ),
             )
         for end, owner in ends:
             number = (self._counted(owner, counted, end),) if counted is not None and owner else ()
@@ -258,12 +282,20 @@ class Mentions:
         begin = place if whole is None else whole
         if (end := self.said.one_of(begin, OTHER_WORDS)) is not None:
             count = self.said.number(end)
-            behind, many = (end, ()) if count is None else (count, (self._counted("", count, count),))
+            behind, many = (
+                (end, ()) if count is None else (count, (self._counted("", count, count),))
+            )
             for after, owner in self._said(self.vocabulary.nouns(type_), behind):
                 yield after, SlotWords("others", self._pieces(place, after), many, owner)
             if count is not None:
                 yield count, SlotWords("others", self._pieces(place, count), many, type_)
-        for words in (("others",), ("rest",), ("other", "ones"), ("other", "one"), ("remaining", "ones")):
+        for words in (
+            ("others",),
+            ("rest",),
+            ("other", "ones"),
+            ("other", "one"),
+            ("remaining", "ones"),
+        ):
             if (end := self.said.words(begin, words)) is not None:
                 yield end, SlotWords("others", self._pieces(place, end), owner=type_)
                 if words == ("rest",) and (of := self.said.word(end, "of")) is not None:
@@ -293,10 +325,14 @@ class Mentions:
         """The nouns that are said at a place, the longest first, with their owners."""
         for first in nouns if len(nouns) <= MOST_NOTED else ():
             self.said.word(place, first)
-        words_here = dict.fromkeys(self.said.pieces[start].lower for start in self.said.starts(place))
+        words_here = dict.fromkeys(
+            self.said.pieces[start].lower for start in self.said.starts(place)
+        )
         nouns_here = (noun for word in words_here for noun in nouns.get(word, ()))
         noun_ends = [
-            (end, owner) for noun, owner in nouns_here if (end := self.said.words(place, noun)) is not None
+            (end, owner)
+            for noun, owner in nouns_here
+            if (end := self.said.words(place, noun)) is not None
         ]
         yield from sorted(dict.fromkeys(noun_ends), key=lambda noun_end: -noun_end[0])
 
@@ -304,11 +340,15 @@ class Mentions:
         return self.pieces_at(end)
 
     def _pieces(self, begin: int, end: int) -> tuple[SentencePiece, ...]:
-        return self.said.pieces[self.said.start(begin) if self.said.start(begin) < end else begin : end]
+        return self.said.pieces[
+            self.said.start(begin) if self.said.start(begin) < end else begin : end
+        ]
 
 
 def _as_count(mention: SlotMention) -> SlotMention:
-    """A number in words alone says how many, unless other objects with a noun stand before it: "heat two", "all but one"."""
+    """A number in words alone says how many, unless other objects with a noun stand before it:
+    "heat two", "all but one".
+    """
     alone = mention.how == "numbered" and not mention.owner and len(mention.pieces) == 1
     return replace(mention, how="counted") if alone and mention.ends[0].kind == WORD else mention
 
@@ -318,7 +358,9 @@ MOVED, UNFIT, LEFT_OUT = 1, 100, 10_000  # costs of a reading
 
 @dataclass(frozen=True, slots=True)
 class Book:
-    """What sentences are read with: the phrases as they are written, those in another order, and the nouns."""
+    """What sentences are read with: the phrases as they are written, those in another order,
+    and the nouns.
+    """
 
     natural: PhraseNode
     moved: PhraseNode
@@ -329,8 +371,9 @@ class Book:
 class Match:
     """A form that was found: the place after it, what fills its slots, and its cost.
 
-    `again` means that it is said in short, for an act that was said before: "once heated". `passive` means that it says what
-    should be done: "probe 1 must be heated". `shared` means that its verb is that of the clause before: "..., b2 first".
+    `again` means that it is said in short, for an act that was said before: "once heated".
+    `passive` means that it says what should be done: "probe 1 must be heated". `shared` means that
+    its verb is that of the clause before: "..., b2 first".
     """
 
     end: int
@@ -357,7 +400,11 @@ class Matcher:
     def whole(self) -> Iterator[Match]:
         """The phrases, as they are written, that the whole sentence says with objects that fit."""
         matches = self.walk(self.book.natural, 0, ())
-        return (match for match in matches if match.end == len(self.said.pieces) and not self.unfit(match))
+        return (
+            match
+            for match in matches
+            if match.end == len(self.said.pieces) and not self.unfit(match)
+        )
 
     def forms(self, begin: int) -> Iterator[Match]:
         """The phrases that are said whole from a place on."""
@@ -374,7 +421,10 @@ class Matcher:
         values: tuple[SlotWords, ...],
         things: Sequence[tuple[str, ...]] = (),
     ) -> Iterator[Match]:
-        """The forms behind a node that are said from a place on. `things` are what "it" can stand for."""
+        """The forms behind a node that are said from a place on.
+
+        `things` are what "it" can stand for.
+        """
         for form in node.ends:
             yield Match(place, form, values)
         for word, following in node.words.items():
@@ -389,16 +439,24 @@ class Matcher:
                 yield from self.walk(thing_node, end, values)
 
     def slot(self, type_: str, place: int) -> Iterator[tuple[int, SlotWords]]:
-        """What can fill a slot from a place on, by the place after it. In a clause that leaves words out, nothing may fill it."""
+        """What can fill a slot from a place on, by the place after it.
+
+        In a clause that leaves words out, nothing may fill it.
+        """
         if self.short and type_ not in NUMERIC_TYPES:
             yield (
                 place,
-                SlotWords("omitted", self.said.pieces[max(place - 1, 0) : max(place, 1)], owner=type_),
+                SlotWords(
+                    "omitted", self.said.pieces[max(place - 1, 0) : max(place, 1)], owner=type_
+                ),
             )
         if type_ == "time":
             if (time := self.said.time(place)) is not None:
                 offset = self.said.pieces[self.said.start(place)].offset
-                yield time[0], SlotWords("value", (SentencePiece("time", time[2], offset, time[1]),))
+                yield (
+                    time[0],
+                    SlotWords("value", (SentencePiece("time", time[2], offset, time[1]),)),
+                )
         elif type_ == "int":
             if (end := self.said.number(place)) is not None:
                 yield end, SlotWords("value", (self.said.pieces[end - 1],))
@@ -408,7 +466,9 @@ class Matcher:
     def unfit(self, match: Match) -> int:
         """The cost of objects that are not of the type of their slot."""
         types = [part.type for part in match.form.parts if isinstance(part, PatternSlot)]
-        wrong = sum(self._misfits(words, type_) for words, type_ in zip(match.values, types, strict=True))
+        wrong = sum(
+            self._misfits(words, type_) for words, type_ in zip(match.values, types, strict=True)
+        )
         return UNFIT * wrong + LEFT_OUT * sum(words.how == "omitted" for words in match.values)
 
     def _misfits(self, words: SlotWords, type_: str) -> int:

@@ -15,12 +15,21 @@ from cellwright.kb.commands.phrase_patterns import (
 from cellwright.kb.commands.sentence_pieces import is_spoken
 from cellwright.kb.diagnostics import Diagnostic, Source, nearest_hint, unknown_name
 from cellwright.kb.model.conditions import Condition, Exists, Literal, Not, Parameter
-from cellwright.kb.model.domain_model import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT_TYPE, Domain, Kind, Phrase
+from cellwright.kb.model.domain_model import (
+    BUILT_IN_TYPES,
+    NUMERIC_TYPES,
+    OBJECT_TYPE,
+    Domain,
+    Kind,
+    Phrase,
+)
 from cellwright.kb.syntax import ExpressionError, Parsed, parse_expression
 from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Term, Text, Variable, stage_parts
 
 Place = Callable[[tuple[str | int, ...], int], Source]
-"""A function from a path under `commands:`, such as `("phrases", 3, "say")`, and a character in its text to the place."""
+"""A function from a path under `commands:`, such as `("phrases", 3, "say")`, and a character in
+its text to the place.
+"""
 
 MAX_WORDS = 5000  # in all lists together, because the grammar of every sentence contains them all
 ALLOWED_KINDS = {"stage": (Kind.EVENT, Kind.FLUENT), "goal": (Kind.FLUENT, Kind.DERIVED)}
@@ -28,7 +37,9 @@ ALLOWED_KINDS = {"stage": (Kind.EVENT, Kind.FLUENT), "goal": (Kind.FLUENT, Kind.
 
 @dataclass(frozen=True, slots=True)
 class PhraseMeaning:
-    """A phrase ready for use: its pattern, its slots by variable, and the conditions that contain them."""
+    """A phrase ready for use: its pattern, its slots by variable, and the conditions that
+    contain them.
+    """
 
     phrase: Phrase
     pattern: Pattern
@@ -47,7 +58,9 @@ def _read_meaning(phrase: Phrase, domain: Domain) -> PhraseMeaning:
     pattern = read_pattern(phrase.say)
     field = "stage" if phrase.stage else "goal"
     parsed = _parse_field(phrase, field, domain)
-    return PhraseMeaning(phrase, pattern, slots_of(pattern), parsed.value, field == "stage", phrase.subject)
+    return PhraseMeaning(
+        phrase, pattern, slots_of(pattern), parsed.value, field == "stage", phrase.subject
+    )
 
 
 def _parse_field(phrase: Phrase, field: str, domain: Domain) -> Parsed:
@@ -90,7 +103,8 @@ def quantified_goal(literal: Literal, domain: Domain) -> Condition:
     fresh: list[Parameter] = []
     expected = domain.predicates[literal.atom.name].arguments
     arguments = tuple(
-        _fresh_term(a, t, fresh, domain) for a, t in zip(literal.atom.arguments, expected, strict=True)
+        _fresh_term(a, t, fresh, domain)
+        for a, t in zip(literal.atom.arguments, expected, strict=True)
     )
     if not fresh:
         return literal
@@ -161,12 +175,21 @@ class _PhraseCheck:
             return self.found
         self._slots(pattern)
         for word in sorted(
-            {p.text for expansion in expand_pattern(pattern) for p in expansion if isinstance(p, PatternWord)}
+            {
+                p.text
+                for expansion in expand_pattern(pattern)
+                for p in expansion
+                if isinstance(p, PatternWord)
+            }
         ):
             if not is_spoken(word):
                 offset = self.phrase.say.lower().find(word)
                 self._report(
-                    "say", offset, "K601", f"'{word}' is not a word that a sentence can contain", WORDS_HINT
+                    "say",
+                    offset,
+                    "K601",
+                    f"'{word}' is not a word that a sentence can contain",
+                    WORDS_HINT,
                 )
         try:
             self.parsed = _parse_field(self.phrase, self.field, self.domain)
@@ -184,12 +207,20 @@ class _PhraseCheck:
     def _subject(self) -> None:
         said = self.phrase.subject
         if said and self.types.get(Variable(said), "int") in NUMERIC_TYPES:
-            known = [str(variable) for variable, type_ in self.types.items() if type_ not in NUMERIC_TYPES]
+            known = [
+                str(variable)
+                for variable, type_ in self.types.items()
+                if type_ not in NUMERIC_TYPES
+            ]
             hint = nearest_hint(said, known) or f"its slots: {', '.join(known) or 'none'}"
-            self._report("subject", 0, "K105", f"'{said}' is no slot for an object of the phrase", hint)
+            self._report(
+                "subject", 0, "K105", f"'{said}' is no slot for an object of the phrase", hint
+            )
 
     def _report(self, field: str, offset: int, code: str, message: str, hint: str = "") -> None:
-        where = self.place(("phrases", self.index, field), offset) if self.place else self.phrase.where
+        where = (
+            self.place(("phrases", self.index, field), offset) if self.place else self.phrase.where
+        )
         self.found.append(Diagnostic(where, code, message, hint))
 
     def _slots(self, pattern: Pattern) -> None:
@@ -210,7 +241,11 @@ class _PhraseCheck:
                     )
                     message = f"slot {slot.variable} occurs {times} times in '{said}'"
                     self._report(
-                        "say", slot.offset, "K601", message, "every alternative needs the slot exactly once"
+                        "say",
+                        slot.offset,
+                        "K601",
+                        message,
+                        "every alternative needs the slot exactly once",
                     )
                     break
 
@@ -224,9 +259,15 @@ class _PhraseCheck:
             self._wrong(atom, "K101", f"unknown predicate '{atom.name}'", hint)
         elif predicate.kind not in ALLOWED_KINDS[self.field]:
             allowed = " or ".join(kind.value for kind in ALLOWED_KINDS[self.field])
-            self._wrong(atom, "K108", f"'{atom.name}' is {predicate.kind.value}; a {self.field} is {allowed}")
+            self._wrong(
+                atom,
+                "K108",
+                f"'{atom.name}' is {predicate.kind.value}; a {self.field} is {allowed}",
+            )
         elif predicate.kind is Kind.EVENT and not alone:
-            self._wrong(atom, "K108", "an event is no state, so nothing can be reached together with it")
+            self._wrong(
+                atom, "K108", "an event is no state, so nothing can be reached together with it"
+            )
         elif len(predicate.arguments) != len(atom.arguments):
             self._wrong(atom, "K102", f"{atom.name} takes {len(predicate.arguments)} arguments")
         else:
@@ -237,7 +278,9 @@ class _PhraseCheck:
             for actual in self._actual(argument, type_):
                 if not self._fits(actual, type_):
                     self._wrong(
-                        argument, "K103", f"{argument} is {actual}, but {term.name} takes {type_} here"
+                        argument,
+                        "K103",
+                        f"{argument} is {actual}, but {term.name} takes {type_} here",
                     )
 
     def _fits(self, actual: str, expected: str) -> bool:
@@ -268,7 +311,9 @@ class _PhraseCheck:
             message = f"variable {variable} is not a slot of the phrase"
             self._wrong(variable, "K105", message, f"its slots: {known}")
         elif self.field == "stage":
-            self._wrong(variable, "K105", "a stage cannot contain '_'", "use a slot for it, or write a goal")
+            self._wrong(
+                variable, "K105", "a stage cannot contain '_'", "use a slot for it, or write a goal"
+            )
 
     def _object(self, term: Function, expected: str) -> Iterator[str]:
         if term.name in self.domain.objects:

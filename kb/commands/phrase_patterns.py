@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 _ONES = (
-    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen sixteen "
+    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen "
+    "fifteen sixteen "
     "seventeen eighteen nineteen"
 )
 _DECADES = "twenty thirty forty fifty sixty seventy eighty ninety"
@@ -21,11 +22,14 @@ _NUMBERED = re.compile(r"[^\W\d_]+(?:[-_](?:[^\W\d_]+|\d{1,9}))+")
 
 
 def split_word(word: str, numbered: bool = False) -> tuple[str, ...]:
-    """The words that a joined one consists of: "heater-shaker" and "heater_shaker" are "heater shaker"; numbers stay whole.
+    """The words that a joined one consists of: "heater-shaker" and "heater_shaker" are "heater
+    shaker"; numbers stay whole.
 
     With `numbered`, numbers may be among them: "oven_2" is "oven 2".
     """
-    joined = (_NUMBERED if numbered else _JOINED).fullmatch(word) is not None and word.lower() not in COUNTS
+    joined = (_NUMBERED if numbered else _JOINED).fullmatch(
+        word
+    ) is not None and word.lower() not in COUNTS
     return tuple(re.split("[-_]", word)) if joined else (word,)
 
 
@@ -35,7 +39,8 @@ def with_article(noun: str) -> str:
     return f"{'an' if vowel else 'a'} {noun}"
 
 
-ARTICLES = frozenset({"the", "a", "an", "please"})  # these words are ignored in phrases and in sentences
+# these words are ignored in phrases and in sentences
+ARTICLES = frozenset({"the", "a", "an", "please"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +116,9 @@ class _PatternReader:
                 position += len(self.text[position:]) - len(self.text[position:].lstrip())
                 message = f"unexpected '{self.text[position]}'"
                 raise PatternError(
-                    position, message, "use words, {P:type} slots, (a|b) alternatives and [optional] parts"
+                    position,
+                    message,
+                    "use words, {P:type} slots, (a|b) alternatives and [optional] parts",
                 )
             yield match
             position = match.end()
@@ -134,7 +141,9 @@ class _PatternReader:
         if self.next < len(self.tokens):
             raise PatternError(self._offset(), f"'{self._mark()}' closes nothing")
         if () in expand_pattern(pattern):
-            raise PatternError(0, "every part of this phrase is optional", "give it at least one word")
+            raise PatternError(
+                0, "every part of this phrase is optional", "give it at least one word"
+            )
         return pattern
 
     def _mark(self) -> str:
@@ -177,7 +186,10 @@ MAX_EXPANSIONS = 1000
 
 
 def expand_pattern(pattern: Pattern) -> list[tuple[PatternWord | PatternSlot, ...]]:
-    """Every sequence of words and slots that the pattern allows, each once. Raises `PatternError` beyond a thousand."""
+    """Every sequence of words and slots that the pattern allows, each once.
+
+    Raises `PatternError` beyond a thousand.
+    """
     match pattern:
         case PatternWord() | PatternSlot():
             return [(pattern,)]
@@ -195,7 +207,9 @@ def expand_pattern(pattern: Pattern) -> list[tuple[PatternWord | PatternSlot, ..
     return list(dict.fromkeys(expanded))
 
 
-_PREPOSITIONS = "in into inside on onto to from for with using at by under over through between against"
+_PREPOSITIONS = (
+    "in into inside on onto to from for with using at by under over through between against"
+)
 PREPOSITIONS = frozenset(_PREPOSITIONS.split())
 MAX_MOVED = 3  # groups that may change places
 COMMA = PatternWord(",")
@@ -204,10 +218,11 @@ Variant = tuple[PatternWord | PatternSlot, ...]
 
 
 def order_variants(expansion: Variant) -> Iterator[tuple[Variant, bool]]:
-    """The orders in which the parts of an expansion can be said; for each, whether it is another than the written one.
+    """The orders in which the parts of an expansion can be said; for each, whether it is another
+    than the written one.
 
-    A group that begins with a preposition can be said before or after other such groups, or before all the rest:
-    "heat it for 5 min in the furnace", "in the furnace, heat it for 5 min".
+    A group that begins with a preposition can be said before or after other such groups, or before
+    all the rest: "heat it for 5 min in the furnace", "in the furnace, heat it for 5 min".
     """
     yield expansion, False
     head, *groups = _preposition_groups(expansion)
@@ -227,7 +242,9 @@ def order_variants(expansion: Variant) -> Iterator[tuple[Variant, bool]]:
 
 
 def _preposition_groups(expansion: Variant) -> list[Variant]:
-    """The words before the first preposition, then one group for each preposition with what follows it."""
+    """The words before the first preposition, then one group for each preposition with what
+    follows it.
+    """
     cuts = [0]
     for number, part in enumerate(expansion):
         if number > cuts[-1] + 1 and isinstance(part, PatternWord) and part.text in PREPOSITIONS:
@@ -237,7 +254,9 @@ def _preposition_groups(expansion: Variant) -> list[Variant]:
 
 def readable_pattern(say: str) -> str:
     """A pattern as text for people: slots are shown by their types."""
-    return re.sub(r"\{\s*\w+\s*:\s*(\w+)\s*\}", lambda match: f"<{SHOWN_TYPES.get(match[1], match[1])}>", say)
+    return re.sub(
+        r"\{\s*\w+\s*:\s*(\w+)\s*\}", lambda match: f"<{SHOWN_TYPES.get(match[1], match[1])}>", say
+    )
 
 
 SHOWN_TYPES = {"int": "number"}
@@ -245,7 +264,9 @@ SHOWN_TYPES = {"int": "number"}
 
 @dataclass(frozen=True, slots=True)
 class PhraseForm:
-    """One way of saying a phrase: its number, its parts, and whether they are in another order than the written one."""
+    """One way of saying a phrase: its number, its parts, and whether they are in another order
+    than the written one.
+    """
 
     phrase: int
     parts: Variant
@@ -253,7 +274,9 @@ class PhraseForm:
 
     @property
     def verb(self) -> tuple[str, ...]:
-        """The words before the first slot; for a phrase without slots, the first word and a particle after it."""
+        """The words before the first slot; for a phrase without slots, the first word and a
+        particle after it.
+        """
         words = tuple(part.text if isinstance(part, PatternWord) else "" for part in self.parts)
         if "" in words:
             return words[: words.index("")]
@@ -265,7 +288,9 @@ PARTICLES = frozenset({"up", "down", "on", "off", "out", "back", "away"})
 
 @dataclass(slots=True)
 class PhraseNode:
-    """A place in the tree: where each word and each type of slot leads, and the forms that end here."""
+    """A place in the tree: where each word and each type of slot leads, and the forms that end
+    here.
+    """
 
     words: dict[str, "PhraseNode"] = field(default_factory=dict)
     slots: dict[str, "PhraseNode"] = field(default_factory=dict)
@@ -280,7 +305,9 @@ class PhraseNode:
 
 @functools.lru_cache(16)
 def build_phrase_tree(patterns: tuple[Pattern, ...], moved: bool) -> PhraseNode:
-    """The root of the tree of all forms of the patterns: those as written, or those in another order."""
+    """The root of the tree of all forms of the patterns: those as written, or those in another
+    order.
+    """
     root = PhraseNode()
     for form in phrase_forms(patterns):
         if form.moved != moved:
@@ -310,11 +337,16 @@ def verb_gerunds(verb: str) -> tuple[str, ...]:
 
 
 _IRREGULAR = (
-    "put put,take taken,bring brought,hold held,give given,cut cut,spin spun,shut shut,set set,send sent,read read,get got,"
-    "make made,lay laid,find found,feed fed,wind wound,draw drawn,drive driven,write written,shake shaken,freeze frozen,"
-    "grind ground,bend bent,hang hung,leave left,open opened open,sweep swept,stick stuck,burn burnt burned,go gone,do done"
+    "put put,take taken,bring brought,hold held,give given,cut cut,spin spun,shut shut,set "
+    "set,send sent,read read,get got,"
+    "make made,lay laid,find found,feed fed,wind wound,draw drawn,drive driven,write "
+    "written,shake shaken,freeze frozen,"
+    "grind ground,bend bent,hang hung,leave left,open opened open,sweep swept,stick stuck,burn "
+    "burnt burned,go gone,do done"
 )
-IRREGULAR_PARTICIPLES = {words.split()[0]: tuple(words.split()[1:]) for words in _IRREGULAR.split(",")}
+IRREGULAR_PARTICIPLES = {
+    words.split()[0]: tuple(words.split()[1:]) for words in _IRREGULAR.split(",")
+}
 
 
 def verb_participles(verb: str) -> tuple[str, ...]:
@@ -337,5 +369,7 @@ def noun_plurals(noun: str) -> tuple[str, ...]:
     if noun.endswith("y") and noun[-2:-1] not in tuple("aeiou"):
         return noun, f"{noun[:-1]}ies", f"{noun}s"
     return (
-        (noun, f"{noun}es", f"{noun}s") if noun.endswith(("s", "x", "z", "ch", "sh")) else (noun, f"{noun}s")
+        (noun, f"{noun}es", f"{noun}s")
+        if noun.endswith(("s", "x", "z", "ch", "sh"))
+        else (noun, f"{noun}s")
     )

@@ -14,7 +14,14 @@ from cellwright.kb.commands.phrase_patterns import (
     read_pattern,
     readable_pattern,
 )
-from cellwright.kb.commands.sentence_pieces import A_NAME, A_NUMBER, A_TIME, NUMBER, WORD, SentencePiece
+from cellwright.kb.commands.sentence_pieces import (
+    A_NAME,
+    A_NUMBER,
+    A_TIME,
+    NUMBER,
+    WORD,
+    SentencePiece,
+)
 from cellwright.kb.diagnostics import Diagnostic, Source
 from cellwright.kb.model.domain_model import Domain
 
@@ -46,7 +53,8 @@ REFUSED_WORDS = {
     ),
     "asks for two things at the same time, which a command cannot": (
         "meanwhile while whilst simultaneously during concurrently",
-        "join acts with 'and': those of different objects overlap where they can; what an act needs meanwhile is kept by the plan",
+        "join acts with 'and': those of different objects overlap where they can; what an act "
+        "needs meanwhile is kept by the plan",
     ),
     "says how often, and a command says each act": (
         "twice thrice times repeat repeatedly often daily hourly every",
@@ -57,21 +65,25 @@ REFUSED_WORDS = {
         "say one act for each object: 'put probe 1 into ..., put probe 2 into ...'",
     ),
     "says how, and only the phrases of the domain say that": (
-        "quickly slowly carefully gently quietly fast faster slower immediately asap possible approximately about"
+        "quickly slowly carefully gently quietly fast faster slower immediately asap possible "
+        "approximately about"
         " roughly almost exactly least most more less only just",
         "leave it out",
     ),
     "is a question or says what is so, and a command says what is to be done": (
         "what which who whom whose where why how is are was were does did has have ?",
-        "write an act such as '{example}', or what 'should be' done; the state is in the problem file",
+        "write an act such as '{example}', or what 'should be' done; the state is in the "
+        "problem file",
     ),
     "is no unit of the sentences of this domain: they know times and whole numbers": (
-        "degree degrees celsius kelvin fahrenheit mm cm m km inch inches kg g mg bar rpm volt volts watt percent % °c"
+        "degree degrees celsius kelvin fahrenheit mm cm m km inch inches kg g mg bar rpm volt "
+        "volts watt percent % °c"
         " weeks week months month years year",
         "times are in s, min, h or days",
     ),
     "is the place of an object, which a command cannot find here": (
-        "first second third fourth fifth last leftmost rightmost former latter left right middle odd even half",
+        "first second third fourth fifth last leftmost rightmost former latter left right "
+        "middle odd even half",
         "say its number or its name",
     ),
     "leaves objects out, and stands directly behind those that it is about": (
@@ -100,18 +112,32 @@ REFUSED_WORDS = {
     ),
 }
 WORD_REASONS = {
-    word: (reason, hint) for reason, (words, hint) in REFUSED_WORDS.items() for word in words.split()
+    word: (reason, hint)
+    for reason, (words, hint) in REFUSED_WORDS.items()
+    for word in words.split()
 }
 AT_SAME_TIME = "asks for two things at the same time, which a command cannot"
 OBJECT_ORDER = "says in which order the objects come, and a command says it with 'then'"
 REFUSED_SAYINGS = {
     AT_SAME_TIME: ("at the same time", "at once", "in parallel", "together", "side by side"),
     OBJECT_ORDER: (
-        *("one after the other", "one after another", "one by one", "in turn", "in order", "separately"),
+        *(
+            "one after the other",
+            "one after another",
+            "one by one",
+            "in turn",
+            "in order",
+            "separately",
+        ),
         *("in this order", "in that order", "in sequence"),
         *("individually", "beginning with", "starting with", "starting at", "beginning at"),
     ),
-    "leaves a choice, and a command says which": ("one of", "two of", "one another", "everything else"),
+    "leaves a choice, and a command says which": (
+        "one of",
+        "two of",
+        "one another",
+        "everything else",
+    ),
     "says when by the clock, and a command only says what comes before what": (
         "no later than",
         "not later than",
@@ -125,23 +151,36 @@ SAYING_HINTS = {
 }
 
 LANGUAGES = {
-    "German": "der die das den dem des und dann danach nicht ein eine einen für fuer minuten stunden sekunden im ins mit"
-    " auf alle zuerst bitte probe-1 nach lege öffne schließe schliesse messe bringe stelle erhitze kühle heize nimm in",
-    "French": "le la les des et puis ensuite ne pas un une pour dans avec sur tous toutes minutes d'abord ouvrez ouvre"
+    "German": "der die das den dem des und dann danach nicht ein eine einen für fuer minuten "
+    "stunden "
+    "sekunden im ins mit"
+    " auf alle zuerst bitte probe-1 nach lege öffne schließe schliesse messe bringe stelle "
+    "erhitze kühle heize nimm in",
+    "French": "le la les des et puis ensuite ne pas un une pour dans avec sur tous toutes minutes "
+    "d'abord ouvrez ouvre"
     " fermez ferme mettez mets chauffez chauffe mesurez mesure du au",
-    "Spanish": "el la los las y luego después despues entonces un una para por con en todos todas minutos abre cierra pon"
+    "Spanish": "el la los las y luego después despues entonces un una para por con en todos todas "
+    "minutos abre cierra pon"
     " calienta mide la",
-    "Italian": "il lo la gli e poi quindi un una per con nel nella tutti tutte minuti apri chiudi metti riscalda misura di",
+    "Italian": "il lo la gli e poi quindi un una per con nel nella tutti tutte minuti apri chiudi "
+    "metti riscalda misura di",
     "Dutch": "de het en dan daarna niet een voor met op alle minuten open sluit zet verwarm meet",
-    "Portuguese": "o os e depois então um uma para com no na todos todas minutos abra feche coloque aqueça meça",
+    "Portuguese": "o os e depois então um uma para com no na todos todas minutos abra feche "
+    "coloque "
+    "aqueça meça",
 }
 FOREIGN_VERBS = {  # of which one is enough to know the language
-    "German": "erwärme erhitze heize kühle messe miss fülle öffne schließe schliesse verschließe stelle lege bringe nimm wiege"
+    "German": "erwärme erhitze heize kühle messe miss fülle öffne schließe schliesse verschließe "
+    "stelle lege bringe nimm wiege"
     " prüfe lade hole setze räume",
-    "French": "chauffer chauffez chauffe mesurer mesurez remplir remplissez remplis ouvrir ouvrez fermer fermez mettre mettez"
+    "French": "chauffer chauffez chauffe mesurer mesurez remplir remplissez remplis ouvrir ouvrez "
+    "fermer fermez mettre mettez"
     " prendre prenez peser pesez refroidir refroidissez ranger rangez poser posez",
-    "Spanish": "medir mide calentar calienta enfría abrir abre cerrar cierra llenar llena pesar poner tomar guardar guarda",
-    "Italian": "misurare misura scaldare scalda riscaldare riscalda aprire apri chiudere chiudi riempire riempi mettere metti"
+    "Spanish": "medir mide calentar calienta enfría abrir abre cerrar cierra llenar llena pesar "
+    "poner "
+    "tomar guardar guarda",
+    "Italian": "misurare misura scaldare scalda riscaldare riscalda aprire apri chiudere chiudi "
+    "riempire riempi mettere metti"
     " prendere prendi",
     "Dutch": "meten verwarm vul sluit weeg koel",
     "Portuguese": "meça aquecer aqueça feche encher encha coloque",
@@ -152,13 +191,19 @@ FOREIGN_WORDS = {language: frozenset(words.split()) for language, words in LANGU
 def find_refusal(
     said: Sequence[SentencePiece], index: int, known: Collection[str], example: str
 ) -> CommandRefusal | None:
-    """Why a sentence that is not understood from piece `index` on cannot be said; None if only its words are unknown.
+    """Why a sentence that is not understood from piece `index` on cannot be said; None if only its
+    words are unknown.
 
-    `known` are the words of the domain, which are never taken for anything else. `example` is one of its phrases.
+    `known` are the words of the domain, which are never taken for anything else. `example` is one
+    of its phrases.
     """
     strange = [piece for piece in said if piece.lower not in known and piece.value is None]
     refused = next(_possible_refusals(said, index, strange, example), None)
-    return None if refused is None else replace(refused, hint=refused.hint.replace("{example}", example))
+    return (
+        None
+        if refused is None
+        else replace(refused, hint=refused.hint.replace("{example}", example))
+    )
 
 
 def _possible_refusals(
@@ -176,7 +221,9 @@ def _possible_refusals(
     piece_here = said[index] if index < len(said) else None
     before = said[index - 1] if 0 < index <= len(said) else None
     yield from _no_act(said, index)
-    near = [piece for piece in (piece_here, before, *said[index + 1 : index + 3]) if piece is not None]
+    near = [
+        piece for piece in (piece_here, before, *said[index + 1 : index + 3]) if piece is not None
+    ]
     for piece in near:
         if (
             piece in strange
@@ -188,13 +235,17 @@ def _possible_refusals(
 
 
 def _refuse_sayings(said: Sequence[SentencePiece], index: int) -> Iterator[CommandRefusal]:
-    """What several words together ask for, where the sentence fails: "at the same time", "one after the other"."""
+    """What several words together ask for, where the sentence fails: "at the same time", "one
+    after the other".
+    """
     words = [piece.lower for piece in said]
     for reason, sayings in REFUSED_SAYINGS.items():
         for saying_words in (saying.split() for saying in sayings):
             begins = range(max(0, index - len(saying_words)), min(index + 2, len(words)))
             if (
-                begin := next((n for n in begins if words[n : n + len(saying_words)] == saying_words), None)
+                begin := next(
+                    (n for n in begins if words[n : n + len(saying_words)] == saying_words), None
+                )
             ) is not None:
                 yield CommandRefusal(
                     said[begin].offset, f"'{' '.join(saying_words)}' {reason}", SAYING_HINTS[reason]
@@ -202,10 +253,14 @@ def _refuse_sayings(said: Sequence[SentencePiece], index: int) -> Iterator[Comma
 
 
 def _no_act(said: Sequence[SentencePiece], index: int) -> Iterator[CommandRefusal]:
-    """What is no act behind "after" and its kin, if it fails there: "after 5 min", "once probe 1 is warm"."""
+    """What is no act behind "after" and its kin, if it fails there: "after 5 min", "once probe
+    1 is warm".
+    """
     words = [piece.lower for piece in said[: index + 1]]
     begin = max((n + 1 for n, word in enumerate(words) if word in SENTENCE_MARKS), default=0)
-    place = max((n for n in range(begin, len(words)) if words[n] in LINK_WORDS and n < index), default=None)
+    place = max(
+        (n for n in range(begin, len(words)) if words[n] in LINK_WORDS and n < index), default=None
+    )
     if (
         place is None
         or not (index - place <= 2 or BE_WORDS & {*words[place:]})
@@ -232,9 +287,14 @@ def _refuse_language(
         script = unicodedata.name(piece.text[0], "LATIN").split()[0]
         if script != "LATIN":
             return _foreign_refusal(piece, f"{script.capitalize()} letters", example)
-    counts = {name: sum(piece.lower in foreign for piece in words) for name, foreign in FOREIGN_WORDS.items()}
+    counts = {
+        name: sum(piece.lower in foreign for piece in words)
+        for name, foreign in FOREIGN_WORDS.items()
+    }
     language = max(counts, key=lambda name: counts[name])
-    if counts[language] >= 2 and counts[language] > sum(piece.lower in ENGLISH_WORDS for piece in said):
+    if counts[language] >= 2 and counts[language] > sum(
+        piece.lower in ENGLISH_WORDS for piece in said
+    ):
         first = next(piece for piece in words if piece.lower in FOREIGN_WORDS[language])
         return _foreign_refusal(first, language, example)
     return None
@@ -243,11 +303,15 @@ def _refuse_language(
 def _refuse_foreign_verb(
     said: Sequence[SentencePiece], index: int, strange: Sequence[SentencePiece], example: str
 ) -> CommandRefusal | None:
-    """A refusal for a sentence that fails at a verb of another language, or at a word with letters that are not English."""
+    """A refusal for a sentence that fails at a verb of another language, or at a word with
+    letters that are not English.
+    """
     piece = said[index] if index < len(said) else None
     if piece is None or piece not in strange:
         return None
-    named = next((name for name, verbs in FOREIGN_VERBS.items() if piece.lower in verbs.split()), "")
+    named = next(
+        (name for name, verbs in FOREIGN_VERBS.items() if piece.lower in verbs.split()), ""
+    )
     if not named and piece.text[:1].isalpha() and not piece.text.isascii():
         named = "another language"
     return _foreign_refusal(piece, named, example) if named else None
@@ -291,7 +355,9 @@ def explain_misunderstanding(
     """The diagnostic for a sentence that is not understood."""
     said, index = error.said, error.index
     example = readable_pattern(domain.phrases[0].say)
-    if (refused := find_refusal(said, index, _known_words(domain, vocabulary), example)) is not None:
+    if (
+        refused := find_refusal(said, index, _known_words(domain, vocabulary), example)
+    ) is not None:
         return Diagnostic(place(refused.offset), "K602", refused.message, refused.hint)
     near = ""
     if index < len(said):
@@ -336,7 +402,9 @@ def _decimal_hint(said: Sequence[SentencePiece], index: int) -> str:
 
 
 def _family_hint(piece: SentencePiece, vocabulary: NounVocabulary) -> str:
-    """The objects that are called as a word with a number behind it, for "wall 3" and "both walls"."""
+    """The objects that are called as a word with a number behind it, for "wall 3" and "both
+    walls".
+    """
     stems = (piece.lower, piece.lower.removesuffix("s"))
     family = [name for name in vocabulary.objects if piece.lower and _without_number(name) in stems]
     return f"there are {', '.join(sorted(family))}" if len(family) > 1 else ""
@@ -359,7 +427,9 @@ def _spelling_hint(
     ]  # "seel" is "seal", not the "see" of any sentence
     if A_NAME in expected:
         own += sorted(vocabulary.objects)
-    near = [word for word in (*words, *own) if len(word) > 2 and sorted(word) == sorted(piece.lower)]
+    near = [
+        word for word in (*words, *own) if len(word) > 2 and sorted(word) == sorted(piece.lower)
+    ]
     for candidates in (own, words):
         near = near or difflib.get_close_matches(piece.lower, candidates, n=1, cutoff=0.7)
     return f"did you mean '{near[0]}'?" if near else ""
@@ -378,11 +448,20 @@ def _expected_words(expected: frozenset[str], domain: Domain, vocabulary: NounVo
 
 
 def _clause_words(said: Sequence[SentencePiece], index: int, domain: Domain) -> list[str]:
-    """The words of the clause around a piece: from a word that begins a phrase to the next such word."""
-    starts = {part.text for first in _first_parts(domain) for part in first if isinstance(part, PatternWord)}
+    """The words of the clause around a piece: from a word that begins a phrase to the next such
+    word.
+    """
+    starts = {
+        part.text
+        for first in _first_parts(domain)
+        for part in first
+        if isinstance(part, PatternWord)
+    }
     kinds = [piece.lower for piece in said]
     joins = ("and", "then", ",", ";", ".")
-    begins = [n for n, word in enumerate(kinds) if word in starts and (n == 0 or kinds[n - 1] in joins)]
+    begins = [
+        n for n, word in enumerate(kinds) if word in starts and (n == 0 or kinds[n - 1] in joins)
+    ]
     begin = max((n for n in begins if n < index), default=0)
     if index < len(said) and index and kinds[index - 1] in joins:
         begin = index
@@ -397,15 +476,25 @@ def _first_parts(domain: Domain) -> Iterator[tuple[PatternWord | PatternSlot, ..
 
 def _nearest_phrase(clause: Sequence[str], domain: Domain) -> str:
     scored = [
-        (_phrase_score(clause, phrase.say, domain), -number) for number, phrase in enumerate(domain.phrases)
+        (_phrase_score(clause, phrase.say, domain), -number)
+        for number, phrase in enumerate(domain.phrases)
     ]
     score, number = max(scored)
-    return f"the nearest phrase is: {readable_pattern(domain.phrases[-number].say)}" if score > 0 else ""
+    return (
+        f"the nearest phrase is: {readable_pattern(domain.phrases[-number].say)}"
+        if score > 0
+        else ""
+    )
 
 
 def _phrase_score(clause: Sequence[str], say: str, domain: Domain) -> float:
-    """The share of a phrase, in its best reading, that the clause contains; 0 if they have nothing in common."""
-    return max(_parts_agreement(clause, expansion, domain) for expansion in expand_pattern(read_pattern(say)))
+    """The share of a phrase, in its best reading, that the clause contains; 0 if they have
+    nothing in common.
+    """
+    return max(
+        _parts_agreement(clause, expansion, domain)
+        for expansion in expand_pattern(read_pattern(say))
+    )
 
 
 def _parts_agreement(

@@ -6,8 +6,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from cellwright.kb.commands.act_order import NoOrder, SentenceAct, arrange_acts, asked_again, in_order_of_time
-from cellwright.kb.commands.clauses import FRONT_LINKS, LINK_KINDS, Clause, NotUnderstood, read_clauses
+from cellwright.kb.commands.act_order import (
+    NoOrder,
+    SentenceAct,
+    arrange_acts,
+    asked_again,
+    in_order_of_time,
+)
+from cellwright.kb.commands.clauses import (
+    FRONT_LINKS,
+    LINK_KINDS,
+    Clause,
+    NotUnderstood,
+    read_clauses,
+)
 from cellwright.kb.commands.domain_nouns import NounVocabulary
 from cellwright.kb.commands.exclusion import Exclusion
 from cellwright.kb.commands.object_references import References
@@ -45,17 +57,25 @@ def read_sentence(
     domain = problem.domain
     if not domain.phrases:
         hint = "declare phrases under `commands:`, or give goals"
-        raise InvalidInput([Diagnostic(place(0), "K405", f"the domain {domain.name} has no phrases", hint)])
+        raise InvalidInput(
+            [Diagnostic(place(0), "K405", f"the domain {domain.name} has no phrases", hint)]
+        )
     if len(text) > MAX_COMMAND_LENGTH:
         raise InvalidInput(
-            [Diagnostic(Source(place(0).path), "K007", f"longer than {MAX_COMMAND_LENGTH} characters")]
+            [
+                Diagnostic(
+                    Source(place(0).path), "K007", f"longer than {MAX_COMMAND_LENGTH} characters"
+                )
+            ]
         )
     vocabulary = NounVocabulary(domain, {**domain.objects, **problem.objects})
     known_meanings = read_meanings(domain)
     try:
         clauses = read_clauses(book_of(known_meanings, vocabulary), text)
     except NotUnderstood as error:
-        raise InvalidInput([explain_misunderstanding(error, text, domain, vocabulary, place)]) from None
+        raise InvalidInput(
+            [explain_misunderstanding(error, text, domain, vocabulary, place)]
+        ) from None
     return _Sentence(problem, known_meanings, vocabulary, place).arranged(clauses)
 
 
@@ -66,7 +86,10 @@ def book_of(known: Sequence[PhraseMeaning], vocabulary: NounVocabulary) -> Book:
 
 
 class _Sentence:
-    """The translation of the clauses of one sentence to goals and chains. Every unclear reference is reported."""
+    """The translation of the clauses of one sentence to goals and chains.
+
+    Every unclear reference is reported.
+    """
 
     def __init__(
         self,
@@ -97,7 +120,11 @@ class _Sentence:
             ) from None
         _say_once(clauses, asked)
         in_time = in_order_of_time(clauses, referred)
-        acts = [act for number, clause in enumerate(in_time) for act in _place_acts(number, clause, asked)]
+        acts = [
+            act
+            for number, clause in enumerate(in_time)
+            for act in _place_acts(number, clause, asked)
+        ]
         self._refuse_repeated(acts, in_time)
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
         try:
@@ -105,9 +132,14 @@ class _Sentence:
         except NoOrder as error:
             clause = in_time[error.clause]
             meaning = self.known[clause.form.phrase]
-            message = f"this act is part of an order, but its goal cannot be a stage: {meaning.phrase.goal}"
+            message = (
+                "this act is part of an order, but its goal cannot be a stage: "
+                f"{meaning.phrase.goal}"
+            )
             where = self.place(clause.offset)
-            hint = "give it as a separate command, or let its phrase mean a fluent that is true then"
+            hint = (
+                "give it as a separate command, or let its phrase mean a fluent that is true then"
+            )
             raise InvalidInput([Diagnostic(where, "K604", message, hint)]) from None
 
     def _refuse_repeated(self, acts: Sequence[SentenceAct], clauses: Sequence[Clause]) -> None:
@@ -121,7 +153,9 @@ class _Sentence:
     def _resolved(
         self, clauses: Sequence[Clause]
     ) -> tuple[dict[int, dict[str, Sequence[Term]]], list[Diagnostic]]:
-        """The objects, numbers and times that fill the slots of each clause; and what is unclear about them."""
+        """The objects, numbers and times that fill the slots of each clause; and what is
+        unclear about them.
+        """
         references = References(self.vocabulary)
         unclear: list[Diagnostic] = []
         values: dict[int, dict[str, Sequence[Term]]] = {}
@@ -130,14 +164,18 @@ class _Sentence:
             try:
                 values[clause.offset] = {
                     variable: self._values(
-                        self._full(words, types[variable], references, following), types[variable], references
+                        self._full(words, types[variable], references, following),
+                        types[variable],
+                        references,
                     )
                     for variable, words in clause.slots.items()
                 }
             except UnclearReference as error:
                 leaning = any(words.leans_back for words in clause.slots.values())
                 if not (unclear and leaning):  # what it means is unclear itself, and told
-                    unclear.append(Diagnostic(self.place(error.offset), "K603", error.message, error.hint))
+                    unclear.append(
+                        Diagnostic(self.place(error.offset), "K603", error.message, error.hint)
+                    )
         return values, unclear
 
     def _types(self, clause: Clause) -> dict[str, str]:
@@ -146,13 +184,17 @@ class _Sentence:
     def _full(
         self, words: SlotWords, type_: str, references: References, following: Sequence[Clause]
     ) -> SlotWords:
-        """The words that fill a slot; for those left out before any object is named, those of a later clause: "wash and dry part 1"."""
+        """The words that fill a slot; for those left out before any object is named, those of a
+        later clause: "wash and dry part 1".
+        """
         if words.how != "omitted" or references.named:
             return words
         for later_clause in itertools.takewhile(lambda clause: not clause.then, following):
             types = self._types(later_clause)
             fillings = [
-                filling for variable, filling in later_clause.slots.items() if types[variable] == type_
+                filling
+                for variable, filling in later_clause.slots.items()
+                if types[variable] == type_
             ]
             if fillings and fillings[0].how != "omitted":
                 return words if fillings[0].how == "pronoun" else fillings[0]
@@ -176,7 +218,9 @@ class _Sentence:
                 raise UnclearReference(piece.offset, message, f"the unit is {unit}")
         if value > MAX_EXPRESSION_INTEGER:
             raise UnclearReference(
-                piece.offset, f"'{shown}' is too large", f"the largest number is {MAX_EXPRESSION_INTEGER}"
+                piece.offset,
+                f"'{shown}' is too large",
+                f"the largest number is {MAX_EXPRESSION_INTEGER}",
             )
         return (Number(int(value)),)
 
@@ -187,9 +231,13 @@ class _Sentence:
         count = math.prod(len(choices) for choices in values.values())
         if count > MAX_ACTS:
             message = f"this asks for {count} acts, more than {MAX_ACTS}"
-            raise InvalidInput([Diagnostic(self.place(clause.offset), "K007", message, "name fewer objects")])
+            raise InvalidInput(
+                [Diagnostic(self.place(clause.offset), "K007", message, "name fewer objects")]
+            )
         for combination in itertools.product(*(values[slot.variable] for slot in meaning.slots)):
-            bindings = dict(zip((slot.variable for slot in meaning.slots), combination, strict=True))
+            bindings = dict(
+                zip((slot.variable for slot in meaning.slots), combination, strict=True)
+            )
             named = [bindings[variable] for variable in own]
             yield self._act(clause, meaning, bindings, named)
 
@@ -210,7 +258,8 @@ class _Sentence:
         goal = [quantified_goal(literal, self.domain) for literal in literals]
         whole = goal[0] if len(goal) == 1 else And(tuple(goal))
         said_objects = [
-            Function(named_object.object) for named_object in self.vocabulary.named(clause.form.parts)
+            Function(named_object.object)
+            for named_object in self.vocabulary.named(clause.form.parts)
         ]
         in_atoms = (
             []
@@ -244,7 +293,10 @@ class _Sentence:
         )
 
     def _stages(self, asked: Sequence[Literal], in_order: bool) -> tuple[Atom, ...] | None:
-        """The stages of an act: those of its phrase, or what its goals are together. None if it cannot be a stage."""
+        """The stages of an act: those of its phrase, or what its goals are together.
+
+        None if it cannot be a stage.
+        """
         kinds = {
             self.domain.predicates[part.atom.name].kind
             for literal in asked
@@ -264,9 +316,13 @@ class _Sentence:
 
 
 def _common_noun(clause: Clause) -> list[Function]:
-    """What a phrase without slots is about if its words name no object: the words behind the verb. "open the gate": gate."""
+    """What a phrase without slots is about if its words name no object: the words behind the
+    verb. "open the gate": gate.
+    """
     words = [part.text for part in clause.form.parts if isinstance(part, PatternWord)]
-    noun = [word for word in words[1:] if word not in PARTICLES | PREPOSITIONS and word.isidentifier()]
+    noun = [
+        word for word in words[1:] if word not in PARTICLES | PREPOSITIONS and word.isidentifier()
+    ]
     return (
         [Function("_".join(noun))]
         if noun and not any(isinstance(part, PatternSlot) for part in clause.form.parts)
@@ -277,7 +333,8 @@ def _common_noun(clause: Clause) -> list[Function]:
 def _referred_acts(
     clauses: Sequence[Clause], asked: dict[int, list[SentenceAct]]
 ) -> dict[int, frozenset[int]]:
-    """The clauses such as "once probe 1 is heated" that mean acts said before, and where those were said.
+    """The clauses such as "once probe 1 is heated" that mean acts said before, and where those were
+    said.
 
     What is only said in short gets the acts that it means.
     """
@@ -293,11 +350,14 @@ def _referred_acts(
         }
         keys = [_act_key(act, clause.again) for act in asked[clause.offset]]
         lost = next(
-            (a for a, key in zip(asked[clause.offset], keys, strict=True) if key not in known_acts), None
+            (a for a, key in zip(asked[clause.offset], keys, strict=True) if key not in known_acts),
+            None,
         )
         if clause.again and lost is not None:
             message = f"this is said in short, but nothing before says it whole for {lost.subject}"
-            raise UnclearReference(clause.offset, message, "say the act whole, with all that belongs to it")
+            raise UnclearReference(
+                clause.offset, message, "say the act whole, with all that belongs to it"
+            )
         if lost is None:
             asked[clause.offset] = [known_acts[key][0] for key in keys]
             referred[clause.offset] = frozenset(known_acts[key][1] for key in keys)
@@ -305,7 +365,9 @@ def _referred_acts(
 
 
 def _say_once(clauses: Sequence[Clause], asked: dict[int, list[SentenceAct]]) -> None:
-    """Take out what is only said again to put it first: "store all probes, but probe 2 first" stores probe 2 once."""
+    """Take out what is only said again to put it first: "store all probes, but probe 2 first"
+    stores probe 2 once.
+    """
     for number, clause in enumerate(clauses):
         if clause.link not in FRONT_LINKS:
             continue
@@ -317,7 +379,9 @@ def _say_once(clauses: Sequence[Clause], asked: dict[int, list[SentenceAct]]) ->
 
 def _act_key(act: SentenceAct, again: bool) -> object:
     """What two acts have in common if they are the same, or if one is said in short."""
-    return (act.subject, *(literal.atom.name for literal in act.literals)) if again else act.literals
+    return (
+        (act.subject, *(literal.atom.name for literal in act.literals)) if again else act.literals
+    )
 
 
 def _place_acts(
@@ -326,7 +390,8 @@ def _place_acts(
     """The acts of a clause with their place in the order of time."""
     own = {act.subject for act in asked[clause.offset]}
     groups = [asked[offset] for offset in sorted(clause.waits)]
-    alone = [{act.subject for act in group} <= own for group in groups]  # each object goes on by itself
+    # each object goes on by itself
+    alone = [{act.subject for act in group} <= own for group in groups]
     for act in asked[clause.offset]:
         waits = frozenset(
             awaited_act.literals

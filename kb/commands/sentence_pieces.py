@@ -17,9 +17,7 @@ _COUNT = "|".join(sorted(COUNTS, key=len, reverse=True))
 _AMOUNT = rf"(?:\d{{1,9}}(?:\.\d{{1,9}})?\s*|(?:{_COUNT}|an?)\s+)"
 _STOP = r"(?:\.(?=\s*(?:[,;]|(?:and|then)\b)))?"
 _PIECE = rf"{_AMOUNT}(?P<unit>{_UNIT}){_STOP}"
-_PART_OF_UNIT = (
-    r"(?:half\s+an?|an?\s+half|(?:an?\s+|three\s+)?quarters?(?:\s+of)?\s+an?)\s+(?:hour|minute)(?!\w)"
-)
+_PART_OF_UNIT = r"(?:half\s+an?|an?\s+half|(?:an?\s+|three\s+)?quarters?(?:\s+of)?\s+an?)\s+(?:hour|minute)(?!\w)"
 _HALF = rf"(?:{_AMOUNT}(?:and\s+a\s+half\s+){_UNIT}|an?\s+(?:hour|minute)\s+and\s+a\s+half)(?!\w)"
 _PHRASED, _MORE = rf"{_HALF}|{_PART_OF_UNIT}", rf"\s*,?\s*(?:and\s+)?{_PIECE}"
 _SENTENCE_TOKEN = re.compile(
@@ -34,7 +32,9 @@ _SENTENCE_TOKEN = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class SentencePiece:
-    """A piece of a sentence: its kind, its text, its place, and the value of a number (also of one in words)."""
+    """A piece of a sentence: its kind, its text, its place, and the value of a number (also of
+    one in words).
+    """
 
     kind: str
     text: str
@@ -48,7 +48,9 @@ class SentencePiece:
 
 
 def split_joined(said: Sequence[SentencePiece]) -> Iterator[SentencePiece]:
-    """The pieces with joined words taken apart: "heater-shaker" as "heater", "shaker", and "oven-2" as "oven", "2"."""
+    """The pieces with joined words taken apart: "heater-shaker" as "heater", "shaker", and
+    "oven-2" as "oven", "2".
+    """
     for number, piece in enumerate(said):
         if piece.text == "-" and _is_joining(said[max(number - 1, 0) : number + 2]):
             continue
@@ -111,7 +113,9 @@ def _unit_of(piece: re.Match[str]) -> Fraction:
 
 
 def read_seconds(text: str) -> Fraction:
-    """A time in words or figures: `90 s`, `1.5 hours`, `1 h 30 min`, `a quarter of an hour`, `two and a half minutes`."""
+    """A time in words or figures: `90 s`, `1.5 hours`, `1 h 30 min`, `a quarter of an hour`,
+    `two and a half minutes`.
+    """
     lower = text.lower()
     if part := re.fullmatch(r"(?:(three)\s+|an?\s+)?(half|quarters?)\b.*\b(hour|minute)", lower):
         share = Fraction(1, 2) if part[2] == "half" else Fraction(3 if part[1] else 1, 4)
@@ -119,7 +123,9 @@ def read_seconds(text: str) -> Fraction:
     if part := re.fullmatch(r"(.*?)\s+(?:(\w+)\s+)?and\s+a\s+half(?:\s+(\w+))?", lower):
         return (_read_count(part[1]) + Fraction(1, 2)) * _seconds_of_unit(part[2] or part[3])
     pairs = re.finditer(rf"({_AMOUNT})({_UNIT})", lower)
-    return sum((_read_count(pair[1].strip()) * _seconds_of_unit(pair[2]) for pair in pairs), Fraction(0))
+    return sum(
+        (_read_count(pair[1].strip()) * _seconds_of_unit(pair[2]) for pair in pairs), Fraction(0)
+    )
 
 
 def _read_count(amount: str) -> Fraction:
@@ -146,9 +152,11 @@ A_NUMBER, A_TIME, A_NAME = "NUMBER", "TIME", "NAME"  # what a place may expect b
 
 
 class SentenceReader:
-    """The pieces of a sentence. Methods return the place after what they look for, or None, and note what they looked for.
+    """The pieces of a sentence. Methods return the place after what they look for, or None, and
+    note what they looked for.
 
-    Articles may stand before anything. With `apart`, joined words such as "heater-shaker" count as several.
+    Articles may stand before anything. With `apart`, joined words such as "heater-shaker" count as
+    several.
     """
 
     def __init__(self, text: str, apart: bool = False) -> None:
@@ -254,10 +262,12 @@ class UnclearReference(Exception):
 
 @dataclass(frozen=True, slots=True)
 class SlotMention:
-    """One part of a list: how it names objects, the owner of its noun (a type, or an object with its own words), and its ends.
+    """One part of a list: how it names objects, the owner of its noun (a type, or an object with
+    its own words), and its ends.
 
-    `how` is `numbered`, `numbers` (a range), `named`, `names` (a range), `sole` (a noun alone), `called`, `counted`
-    (a number before a noun, or a number in words alone) or `ranked` ("the first two": an ordinal, and how many).
+    `how` is `numbered`, `numbers` (a range), `named`, `names` (a range), `sole` (a noun alone),
+    `called`, `counted` (a number before a noun, or a number in words alone) or `ranked` ("the first
+    two": an ordinal, and how many).
     """
 
     how: str
@@ -268,9 +278,11 @@ class SlotMention:
 
 @dataclass(frozen=True, slots=True)
 class SlotWords:
-    """The content of a slot. `how` is `list`, `all`, `bare` ("all" without a noun), `both`, `others`, `pronoun`, `omitted` or `value`.
+    """The content of a slot. `how` is `list`, `all`, `bare` ("all" without a noun), `both`,
+    `others`, `pronoun`, `omitted` or `value`.
 
-    An `omitted` one was not said at all. `owner` is the type whose noun was said with it; `but` holds what "except" leaves out.
+    An `omitted` one was not said at all. `owner` is the type whose noun was said with it; `but`
+    holds what "except" leaves out.
     """
 
     how: str

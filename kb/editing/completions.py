@@ -28,11 +28,15 @@ COMPLETION_KIND_NAMES = {
     "stage": ("fluent", "event"),
     "goal": ("fluent", "derived predicate", "static", "quantity"),
 }
-"""For some keys of a file: the kinds of predicates that are allowed there; elsewhere all that can be read."""
+"""For some keys of a file: the kinds of predicates that are allowed there; elsewhere all that
+can be read.
+"""
 
 
 class Completion(NamedTuple):
-    """Something that fits. `insert` is written in place of the `length` characters before the place; it is a snippet."""
+    """Something that fits. `insert` is written in place of the `length` characters before the
+    place; it is a snippet.
+    """
 
     label: str
     kind: str
@@ -49,7 +53,9 @@ def list_completions(index: NameIndex, file: FileIndex, offset: int) -> list[Com
         fitting = list(_in_rules(index, file, offset))
     else:
         at = context_at(file.text, offset)
-        fitting = [] if re.search(r"(^|\s)#", at.written) else list(_in_yaml(index, file, offset, at))
+        fitting = (
+            [] if re.search(r"(^|\s)#", at.written) else list(_in_yaml(index, file, offset, at))
+        )
     distinct = {(completion.label, completion.kind): completion for completion in reversed(fitting)}
     ranked = sorted(distinct.values(), key=lambda completion: (completion.rank, completion.label))
     return ranked[:MAX_COMPLETIONS]
@@ -60,7 +66,8 @@ def _in_yaml(index: NameIndex, file: FileIndex, offset: int, at: Context) -> Ite
     if at.key:
         yield from _key_completions(index, file, at, shape)
     yield from (
-        Completion(value_name, "value", length=length) for value_name in values_at(file.kind, at.path)
+        Completion(value_name, "value", length=length)
+        for value_name in values_at(file.kind, at.path)
     )
     match shape.role:
         case Role.ATOMS | Role.TERMS | Role.STEP:
@@ -83,7 +90,9 @@ def _of_names(index: NameIndex, role: Role, at: Context, length: int) -> Iterato
     if role is Role.TYPE or slot:
         yield from _type_completions(index, length)
     elif role in _ROLE_SPACES:
-        yield from (_call_completion(declared, length) for declared in index.of_space(_ROLE_SPACES[role]))
+        yield from (
+            _call_completion(declared, length) for declared in index.of_space(_ROLE_SPACES[role])
+        )
 
 
 _ROLE_SPACES = {Role.PREDICATE: "predicate", Role.CAUSE: "cause"}
@@ -97,20 +106,26 @@ def _key_completions(
     for key, description in keys_at(file.kind, at.path).items():
         under = shape.under(key)
         more = ":\n  " if under.keys or under.key is not None else ": "
-        yield Completion(key, "key", "", description, f"{key}{more if under.items is None else ': '}", length)
+        yield Completion(
+            key, "key", "", description, f"{key}{more if under.items is None else ': '}", length
+        )
     match shape.key:
         case Role.TYPE | Role.THING:
             yield from (
                 completion._replace(insert=f"{completion.label}: ")
                 for completion in _type_completions(index, length)
             )
-            yield from _object_completions(index, "object", length) if shape.key is Role.THING else ()
+            yield from (
+                _object_completions(index, "object", length) if shape.key is Role.THING else ()
+            )
         case Role.SIGNATURE if "(" in at.written:
             yield from _type_completions(index, len(_partial_name(at.written)))
         case Role.CAUSE:
             yield from (_call_completion(declared, length) for declared in index.of_space("cause"))
         case Role.STEP:
-            yield from (_call_completion(declared, length) for declared in index.of_space("operator"))
+            yield from (
+                _call_completion(declared, length) for declared in index.of_space("operator")
+            )
         case _:
             return
 
@@ -137,7 +152,9 @@ def _expression_completions(
         wanted = _argument_type(index, place.head, place.number)
         yield from _term_completions(index, wanted, len(partial))
     elif role is Role.STEP:
-        yield from (_call_completion(declared, len(partial)) for declared in index.of_space("operator"))
+        yield from (
+            _call_completion(declared, len(partial)) for declared in index.of_space("operator")
+        )
     elif place.atom:
         yield from _predicate_completions(index, allowed, len(partial), asp)
     else:
@@ -154,7 +171,13 @@ def _predicate_completions(
     if "static" in allowed:
         for declared in index.of_space("type"):
             yield Completion(
-                declared.name, "type", f"{declared.name}(object)", "", f"{declared.name}(${{1:X}})", length, 2
+                declared.name,
+                "type",
+                f"{declared.name}(object)",
+                "",
+                f"{declared.name}(${{1:X}})",
+                length,
+                2,
             )
     if asp:
         yield from _own_predicates(index, length)
@@ -165,8 +188,13 @@ def _own_predicates(index: NameIndex, length: int) -> Iterator[Completion]:
     for file in index.files.values():
         if file.kind == ASP_KIND:
             for _, occurrence in file.occurrences():
-                if occurrence.doing == "defined" and ("predicate", occurrence.name) not in index.declarations:
-                    yield Completion(occurrence.name, "predicate", "of the rules", length=length, rank=1)
+                if (
+                    occurrence.doing == "defined"
+                    and ("predicate", occurrence.name) not in index.declarations
+                ):
+                    yield Completion(
+                        occurrence.name, "predicate", "of the rules", length=length, rank=1
+                    )
 
 
 def _argument_type(index: NameIndex, head: str, number: int) -> str:
@@ -196,7 +224,10 @@ def _object_completions(index: NameIndex, wanted: str, length: int) -> Iterator[
 def _type_completions(index: NameIndex, length: int) -> Iterator[Completion]:
     for declared in index.of_space("type"):
         yield Completion(
-            declared.name, "type", f"below {declared.of}" if declared.of else "a closed list", length=length
+            declared.name,
+            "type",
+            f"below {declared.of}" if declared.of else "a closed list",
+            length=length,
         )
     for name in BUILT_IN_TYPES:
         yield Completion(name, "type", "built in", length=length, rank=1)
@@ -216,7 +247,9 @@ def _variable_completions(file: FileIndex, offset: int, length: int) -> Iterator
 
 def _call_completion(declared: NameDeclaration, length: int) -> Completion:
     """A predicate, function or operator, with places for its arguments."""
-    inner = ", ".join(f"${{{n}:{name.capitalize()}}}" for n, name in enumerate(declared.arguments, 1))
+    inner = ", ".join(
+        f"${{{n}:{name.capitalize()}}}" for n, name in enumerate(declared.arguments, 1)
+    )
     insert = f"{declared.name}({inner})" if inner else declared.name
     return Completion(
         declared.name, declared.space, f"{declared.kind} {declared.written()}", "", insert, length
@@ -224,7 +257,9 @@ def _call_completion(declared: NameDeclaration, length: int) -> Completion:
 
 
 def _listed_type(index: NameIndex, file: FileIndex, offset: int, at: Context) -> str:
-    """The type of what is listed: that of its key, or of the variable in the stages that it is bound for."""
+    """The type of what is listed: that of its key, or of the variable in the stages that it is
+    bound for.
+    """
     key = next((part for part in reversed(at.path) if part != 0), "")
     if ("type", key) in index.declarations:
         return str(key)
@@ -274,7 +309,9 @@ def _shortest_sentence(pattern: str) -> str:
 
 
 def _plain_sentence(sentence: str) -> str:
-    return re.sub(r"\{\s*\w+\s*(?::\s*(\w+))?\s*\}", lambda match: f"<{match[1] or 'object'}>", sentence)
+    return re.sub(
+        r"\{\s*\w+\s*(?::\s*(\w+))?\s*\}", lambda match: f"<{match[1] or 'object'}>", sentence
+    )
 
 
 def _sentence_snippet(index: NameIndex, sentence: str) -> str:
@@ -284,7 +321,9 @@ def _sentence_snippet(index: NameIndex, sentence: str) -> str:
     def slot(match: re.Match[str]) -> str:
         type_ = match[2] or "object"
         names = list(_names_of_type(index, type_))[:30]
-        return f"${{{next(numbers)}|{','.join(names)}|}}" if names else f"${{{next(numbers)}:{type_}}}"
+        return (
+            f"${{{next(numbers)}|{','.join(names)}|}}" if names else f"${{{next(numbers)}:{type_}}}"
+        )
 
     return re.sub(r"\{\s*(\w+)\s*(?::\s*(\w+))?\s*\}", slot, sentence)
 

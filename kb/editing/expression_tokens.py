@@ -22,8 +22,8 @@ class Token(NamedTuple):
 class NameMention(NamedTuple):
     """A name or variable in an expression.
 
-    `atom` says that it stands for an atom; `called` that an open bracket follows; `head` and `number` which argument of what
-    it is part of.
+    `atom` says that it stands for an atom; `called` that an open bracket follows; `head` and
+    `number` which argument of what it is part of.
     """
 
     name: str
@@ -50,7 +50,9 @@ _CODE_PATTERN = r"""
   | (?P<mark>:-|:~|\.\.|\*\*|!=|<=|>=|==|<>|.)
 """
 _EXPRESSION_TOKEN = re.compile(_CODE_PATTERN, re.VERBOSE | re.DOTALL)
-_ASP_TOKEN = re.compile(rf"(?P<comment>%\*.*?(?:\*%|\Z)|%[^\n]*)|{_CODE_PATTERN}", re.VERBOSE | re.DOTALL)
+_ASP_TOKEN = re.compile(
+    rf"(?P<comment>%\*.*?(?:\*%|\Z)|%[^\n]*)|{_CODE_PATTERN}", re.VERBOSE | re.DOTALL
+)
 _TIME_UNITS = re.compile(r"(ms|s|secs?|seconds?|min|mins|minutes?|h|hours?)")
 _OPERAND_MARKS = {
     "=",
@@ -77,7 +79,10 @@ _CLOSING_BRACKETS = {")": "(", "}": "{", "]": "["}
 
 @lru_cache(8192)
 def tokens_of(text: str, asp: bool = False) -> tuple[Token, ...]:
-    """The tokens of a text, spaces left out. Every text has tokens: what fits nothing is a mark of one character."""
+    """The tokens of a text, spaces left out.
+
+    Every text has tokens: what fits nothing is a mark of one character.
+    """
     pattern = _ASP_TOKEN if asp else _EXPRESSION_TOKEN
     return tuple(
         Token(str(match.lastgroup), match[0], match.start())
@@ -95,8 +100,13 @@ class _BracketLevel:
 
 @lru_cache(8192)
 def mentions_in(text: str, asp: bool = False, terms: bool = False) -> tuple[NameMention, ...]:
-    """The names and variables of an expression. With `terms`, its outermost names are terms and not atoms."""
-    return tuple(_find_mentions([token for token in tokens_of(text, asp) if token.kind != "comment"], terms))
+    """The names and variables of an expression.
+
+    With `terms`, its outermost names are terms and not atoms.
+    """
+    return tuple(
+        _find_mentions([token for token in tokens_of(text, asp) if token.kind != "comment"], terms)
+    )
 
 
 def _find_mentions(tokens_found: list[Token], terms: bool) -> Iterator[NameMention]:
@@ -105,7 +115,8 @@ def _find_mentions(tokens_found: list[Token], terms: bool) -> Iterator[NameMenti
     for place, token in enumerate(tokens_found):
         level = levels[-1]
         if token.text == ".":
-            levels = [_BracketLevel("", "", 0, terms)]  # the end of a statement closes what was left open
+            # the end of a statement closes what was left open
+            levels = [_BracketLevel("", "", 0, terms)]
         elif token.kind == "mark":
             _step_level(levels, tokens_found, place)
         elif token.kind == "variable":
@@ -114,7 +125,9 @@ def _find_mentions(tokens_found: list[Token], terms: bool) -> Iterator[NameMenti
             called = place + 1 < len(tokens_found) and tokens_found[place + 1].text == "("
             past = after.get(place + 1, place + 1) if called else place + 1
             atom = not level.terms and not _is_operand(tokens_found, place, past)
-            yield NameMention(token.text, token.start, atom, called, False, level.head, level.number)
+            yield NameMention(
+                token.text, token.start, atom, called, False, level.head, level.number
+            )
 
 
 def _closing_tokens(tokens_found: list[Token]) -> dict[int, int]:
@@ -159,7 +172,10 @@ def _is_word(tokens_found: list[Token], place: int) -> bool:
 
 
 def _is_operand(tokens_found: list[Token], place: int, past: int) -> bool:
-    """Whether a term is compared or counted with: what stands before or after it says so. `p & q` joins atoms."""
+    """Whether a term is compared or counted with: what stands before or after it says so.
+
+    `p & q` joins atoms.
+    """
     before = tokens_found[place - 1].text if place else ""
     behind = tokens_found[past].text if past < len(tokens_found) else ""
     return bool({before, behind} & (_OPERAND_MARKS - {"&"}))

@@ -1,8 +1,9 @@
 """The usual form of a file: indentation, spaces, blank lines. Meaning and comments stay.
 
-Lines are never broken or joined, and nothing is quoted or sorted. What comes out is compared with what went in: the tree of
-YAML, or the statements of ASP, must be the same. The form follows `docs/language.md`: two columns for each level, also
-before the dash of a list; spaces in expressions as in ASP by hand.
+Lines are never broken or joined, and nothing is quoted or sorted. What comes out is compared with
+what went in: the tree of YAML, or the statements of ASP, must be the same. The form follows
+`docs/language.md`: two columns for each level, also before the dash of a list; spaces in
+expressions as in ASP by hand.
 """
 
 import re
@@ -28,7 +29,9 @@ _TIGHT_AFTER = {"(", "["}
 
 @lru_cache(8192)
 def space_expression(text: str) -> str:
-    """An expression of one line with its usual spaces: `at(Item,Place)` becomes `at(Item, Place)`."""
+    """An expression of one line with its usual spaces: `at(Item,Place)` becomes `at(Item,
+    Place)`.
+    """
     line_tokens = tokens_of(text.strip())
     parts: list[str] = []
     for number, token in enumerate(line_tokens):
@@ -41,8 +44,8 @@ def space_expression(text: str) -> str:
 
 
 def spaced_rules(text: str) -> str:
-    """ASP with its usual spaces. Lines, indentation, comments and columns aligned with several spaces stay; the first
-    line has no indentation."""
+    """ASP with its usual spaces. Lines, indentation, comments and columns aligned with several
+    spaces stay; the first line has no indentation."""
     text_tokens = tokens_of(text, True)
     parts: list[str] = []
     end = 0
@@ -68,7 +71,9 @@ def _may_align(token: Token) -> bool:
 
 
 def _line_ends(gap: str) -> str:
-    """The ends of lines between two tokens: at most one blank line, and the indentation of the next line."""
+    """The ends of lines between two tokens: at most one blank line, and the indentation of the
+    next line.
+    """
     indent = gap.rpartition("\n")[2].expandtabs(4)
     return "\n" * min(gap.count("\n"), 2) + indent
 
@@ -77,7 +82,11 @@ def _gap_between(before: Token, token: Token, gap: str) -> str:
     """What stands between two tokens of a line."""
     if token.text in _TIGHT_BEFORE or before.text in _TIGHT_AFTER:
         return ""
-    if before.text in (",", ";") or before.text in _SPACED_RELATIONS or token.text in _SPACED_RELATIONS:
+    if (
+        before.text in (",", ";")
+        or before.text in _SPACED_RELATIONS
+        or token.text in _SPACED_RELATIONS
+    ):
         return " "
     if token.text == ":" or before.text == ":":
         return " "
@@ -117,12 +126,16 @@ def format_file(path: str, text: str) -> str:
 
 
 def _as_names(text: str) -> str:
-    """YAML in which `${name}` stands as a name of the same length: as it is, its brackets could be those of YAML."""
+    """YAML in which `${name}` stands as a name of the same length: as it is, its brackets could
+    be those of YAML.
+    """
     return BRACED_NAME.sub(r"$_\1_", text)
 
 
 def _format_rules(path: str, text: str) -> str:
-    """The rules of a domain, or of a device: what is filled in there (`$name`) stands as a name meanwhile."""
+    """The rules of a domain, or of a device: what is filled in there (`$name`) stands as a name
+    meanwhile.
+    """
     file, filled = File.of(path, text), dict[str, str]()
 
     def stand_in(match: re.Match[str]) -> str:
@@ -141,7 +154,10 @@ def _spaced_rules(file: File, text: str) -> str:
     except AspError as error:
         hint = "mend it first: a broken text is not formatted"
         raise InvalidInput(
-            [Diagnostic(file.line(line, column), "K201", said, hint) for line, column, said in error.messages]
+            [
+                Diagnostic(file.line(line, column), "K201", said, hint)
+                for line, column, said in error.messages
+            ]
         ) from None
     made = spaced_rules(text)
     return made if statement_texts(made) == before else text
@@ -171,7 +187,9 @@ def _alike_scalars(one: tuple[str | None, Role | None], other: object) -> bool:
 def _role_scalars(
     node: YamlNode, shape: ScalarShape, key: Role | None = None
 ) -> Iterator[tuple[str | None, Role | None]]:
-    """The scalars of a tree with their roles, in order, and None where a mapping or list begins or ends."""
+    """The scalars of a tree with their roles, in order, and None where a mapping or list begins
+    or ends.
+    """
     if isinstance(node.value, str):
         yield node.value, key or shape.role
         return
@@ -200,12 +218,15 @@ class _FileLayout:
         self.indents: dict[int, int] = {}  # of lines that begin with a key or a dash
         self.edits: dict[int, list[_ScalarEdit]] = {}  # by line
         self.scalars: dict[int, list[tuple[int, int]]] = {}  # by each line on which they stand
-        self.inside: dict[int, int] = {}  # lines inside a scalar or a bracket: the line in which it begins
+        # lines inside a scalar or a bracket: the line in which it begins
+        self.inside: dict[int, int] = {}
         self.kept: set[int] = set()  # lines inside a scalar, whose ends of lines and blanks count
         self._block(root, shape, 0)
 
     def _block(self, node: YamlNode, shape: ScalarShape, indent: int) -> None:
-        """Note the form of a node whose keys or dashes stand at `indent`, if they stand on lines of their own."""
+        """Note the form of a node whose keys or dashes stand at `indent`, if they stand on
+        lines of their own.
+        """
         if isinstance(node.value, str):
             self._scalar(node, shape.role)
         elif self.text[node.start : node.start + 1] in ("{", "["):
@@ -219,7 +240,11 @@ class _FileLayout:
             for item in node.value:
                 dash = self._dash(item)
                 self._first(dash, indent)
-                if item.start > dash and self._line(dash) == self._line(item.start) and item.end > item.start:
+                if (
+                    item.start > dash
+                    and self._line(dash) == self._line(item.start)
+                    and item.end > item.start
+                ):
                     self._edit(_ScalarEdit(dash + 1, item.start, " "))
                 self._block(item, shape.items or TEXT_SHAPE, indent + INDENT_COLUMNS)
 
@@ -311,7 +336,9 @@ class _FileLayout:
         for n in old:
             if n in self.inside:
                 first = self.inside[n]
-                indents[n] = max(old[n] + indents.get(first, old.get(first, 0)) - old.get(first, 0), 0)
+                indents[n] = max(
+                    old[n] + indents.get(first, old.get(first, 0)) - old.get(first, 0), 0
+                )
         known_lines = sorted(indents)
         for n in old:
             if n not in indents:
@@ -321,7 +348,9 @@ class _FileLayout:
     def _of_comment(
         self, line: int, old: dict[int, int], indents: dict[int, int], known_lines: list[int]
     ) -> int:
-        """A comment moves with the line below it, or with the one above if it stands as far in as that one."""
+        """A comment moves with the line below it, or with the one above if it stands as far in
+        as that one.
+        """
         below = next((n for n in known_lines if n > line), None)
         above = next((n for n in reversed(known_lines) if n < line), None)
         near = [n for n in (below, above) if n is not None]
@@ -360,5 +389,9 @@ class _FileLayout:
         start = self.file.line_starts[number]
         for scalar_edit in sorted(self.edits[number], reverse=True):
             if scalar_edit.end <= start + len(code):
-                code = code[: scalar_edit.start - start] + scalar_edit.text + code[scalar_edit.end - start :]
+                code = (
+                    code[: scalar_edit.start - start]
+                    + scalar_edit.text
+                    + code[scalar_edit.end - start :]
+                )
         return code

@@ -18,7 +18,9 @@ MAX_SHOWN_OBJECTS = 5  # objects of a type that are shown
 
 @dataclass(frozen=True)
 class DomainKnowledge:
-    """What only a domain that loads can tell: an instance of each operator and predicate, and the types of parameters."""
+    """What only a domain that loads can tell: an instance of each operator and predicate, and
+    the types of parameters.
+    """
 
     examples: Mapping[str, str] = field(default_factory=dict)
     parameters: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -27,7 +29,9 @@ class DomainKnowledge:
 def describe_name(
     index: NameIndex, file: FileIndex, offset: int, known: DomainKnowledge
 ) -> tuple[str, int, int] | None:
-    """What stands at a place of a file, as Markdown, and from where to where its name goes; None if there is nothing to say."""
+    """What stands at a place of a file, as Markdown, and from where to where its name goes;
+    None if there is nothing to say.
+    """
     symbol_found = index.symbol(file, offset)
     if symbol_found is None:
         return _of_key(file, offset)
@@ -65,7 +69,8 @@ def _symbol_signature(first: NameDeclaration, known: DomainKnowledge) -> str:
     if not types:
         return first.written()
     inner = (
-        f"{argument}: {types[argument]}" if argument in types else argument for argument in first.arguments
+        f"{argument}: {types[argument]}" if argument in types else argument
+        for argument in first.arguments
     )
     return f"{first.name}({', '.join(inner)})"
 
@@ -129,12 +134,17 @@ def _type_values(index: NameIndex, type_: str) -> str:
         if index.is_a(declared.of, type_) and declared.of
     ]
     functions = [
-        declared.written() for declared in index.of_space("function") if index.is_a(declared.of, type_)
+        declared.written()
+        for declared in index.of_space("function")
+        if index.is_a(declared.of, type_)
     ]
     shown = [
-        f"`{value_name}`" for value_name in (*objects[:MAX_SHOWN_OBJECTS], *functions[:MAX_SHOWN_OBJECTS])
+        f"`{value_name}`"
+        for value_name in (*objects[:MAX_SHOWN_OBJECTS], *functions[:MAX_SHOWN_OBJECTS])
     ]
-    more = f" and {len(objects) - MAX_SHOWN_OBJECTS} more" if len(objects) > MAX_SHOWN_OBJECTS else ""
+    more = (
+        f" and {len(objects) - MAX_SHOWN_OBJECTS} more" if len(objects) > MAX_SHOWN_OBJECTS else ""
+    )
     return f"values: {', '.join(shown)}{more}" if shown else "no values yet"
 
 
@@ -145,7 +155,12 @@ def _example_instance(index: NameIndex, first: NameDeclaration) -> str:
     chosen = []
     for type_ in first.arguments:
         sample = {"int": "1", "time": "60", "text": '"a text"'}.get(type_) or next(
-            (declared.name for declared in index.of_space("object") if index.is_a(declared.of, type_)), ""
+            (
+                declared.name
+                for declared in index.of_space("object")
+                if index.is_a(declared.of, type_)
+            ),
+            "",
         )
         if not sample:
             return ""
@@ -164,13 +179,16 @@ def _usage_counts(index: NameIndex, symbol: Symbol) -> str:
     if not counts:
         return "not used yet"
     usage_text = ", ".join(
-        f"{doing} {count} time{'' if count == 1 else 's'}" for doing, count in sorted(counts.items())
+        f"{doing} {count} time{'' if count == 1 else 's'}"
+        for doing, count in sorted(counts.items())
     )
     return f"{usage_text} in {len(files)} file{'' if len(files) == 1 else 's'}"
 
 
 def comment_at(file: FileIndex, offset: int) -> str:
-    """What is written about the line of a place: the comment behind it, else the comment lines right above it."""
+    """What is written about the line of a place: the comment behind it, else the comment lines
+    right above it.
+    """
     mark = "%" if file.kind == ASP_KIND else "#"
     start = file.text.rfind("\n", 0, offset) + 1
     line = file.text[start:].partition("\n")[0]
@@ -196,12 +214,18 @@ def _of_key(file: FileIndex, offset: int) -> tuple[str, int, int] | None:
     while end < len(file.text) and (file.text[end].isalnum() or file.text[end] == "_"):
         end += 1
     at, key = context_at(file.text, start), file.text[start:end]
-    key_text = keys_at(file.kind, at.path).get(key, "") if at.key and file.text[end : end + 1] == ":" else ""
+    key_text = (
+        keys_at(file.kind, at.path).get(key, "")
+        if at.key and file.text[end : end + 1] == ":"
+        else ""
+    )
     return (f"**{key}**\n\n{key_text}", start, end) if key_text else None
 
 
 class OutlineEntry(NamedTuple):
-    """A part of a file: its name, what it is, where it begins and ends, where its name does, and its parts."""
+    """A part of a file: its name, what it is, where it begins and ends, where its name does,
+    and its parts.
+    """
 
     name: str
     kind: str
@@ -240,10 +264,14 @@ def _mapping_entries(
             end = max(_node_end(piece.text, value), key.end)
             inner = piece._replace(text=piece.text)
             parts = (
-                tuple(_mapping_entries(inner, value, name)) if deep and isinstance(value.value, dict) else ()
+                tuple(_mapping_entries(inner, value, name))
+                if deep and isinstance(value.value, dict)
+                else ()
             )
             shown = (
-                f"{name}: {value.value}" if deep and isinstance(value.value, str) and value.value else name
+                f"{name}: {value.value}"
+                if deep and isinstance(value.value, str) and value.value
+                else name
             )
             yield OutlineEntry(shown, kind, piece.start + key.start, piece.start + end,
                         piece.start + key.start, piece.start + key.end, parts)  # fmt: skip

@@ -34,7 +34,10 @@ _KIND_KEY = re.compile(rf"^({'|'.join(SHAPE_OF_KIND)})[ \t]*:", re.MULTILINE)
 
 
 def editor_file_kind(path: str, text: str) -> str:
-    """The kind of a file: `asp`, or one of `cellwright.kb.editing.scalar_roles`. What cannot be told is a domain, or a part of one."""
+    """The kind of a file: `asp`, or one of `cellwright.kb.editing.scalar_roles`.
+
+    What cannot be told is a domain, or a part of one.
+    """
     if not path.endswith((".yaml", ".yml")):
         return ASP_KIND
     kinds = {key_match[1] for key_match in _KIND_KEY.finditer(text)}
@@ -76,7 +79,10 @@ class FileIndex:
         return [0, *(line_end.end() for line_end in re.finditer("\n", self.text))]
 
     def at(self, offset: int) -> tuple[Occurrence, int] | None:
-        """What is named at a place, and the number of its piece. Between two names, the one before the place counts."""
+        """What is named at a place, and the number of its piece.
+
+        Between two names, the one before the place counts.
+        """
         number = bisect_right(self._starts, offset) - 1
         if number < 0:
             return None
@@ -103,10 +109,14 @@ class FileIndex:
         number = bisect_right(self._starts, offset) - 1
         if number >= 0:
             start, names = self.pieces[number]
-            before = [occurrence for occurrence in names.occurrences if start + occurrence.start <= offset]
+            before = [
+                occurrence for occurrence in names.occurrences if start + occurrence.start <= offset
+            ]
             scope = before[-1].scope if before else 0
             yield from (
-                occurrence.moved(start) for occurrence in names.occurrences if occurrence.scope == scope
+                occurrence.moved(start)
+                for occurrence in names.occurrences
+                if occurrence.scope == scope
             )
 
     def occurrences(self) -> Iterator[tuple[int, Occurrence]]:
@@ -130,7 +140,9 @@ class FileIndex:
 
 
 def _asp_paragraphs(text: str) -> Iterator[tuple[int, str]]:
-    """An ASP text cut after lines that end with a full stop; whole if it has comments of several lines."""
+    """An ASP text cut after lines that end with a full stop; whole if it has comments of
+    several lines.
+    """
     if "%*" in text:
         yield 0, text
         return
@@ -146,7 +158,9 @@ def _asp_paragraphs(text: str) -> Iterator[tuple[int, str]]:
 
 @dataclass(frozen=True)
 class Symbol:
-    """What a name means: its space and the name; for a variable also the file, the piece and the statement it belongs to."""
+    """What a name means: its space and the name; for a variable also the file, the piece and
+    the statement it belongs to.
+    """
 
     space: str
     name: str
@@ -161,12 +175,17 @@ _OCCURRENCE_SPACES = {
     "object": ("object", "predicate", "operator", "type"),
     "operator": ("operator",),
 }
-"""For the space that a place suggests: the spaces in which the name is looked for, in this order."""
+"""For the space that a place suggests: the spaces in which the name is looked for, in this
+order.
+"""
 
 
 @dataclass(frozen=True)
 class NameIndex:
-    """The names in all files of a domain. A file of a device is there once for each use of it, under its path and the use."""
+    """The names in all files of a domain.
+
+    A file of a device is there once for each use of it, under its path and the use.
+    """
 
     files: Mapping[str, FileIndex] = field(default_factory=dict)
 
@@ -176,13 +195,17 @@ class NameIndex:
         declarations: dict[tuple[str, str], list[tuple[FileIndex, NameDeclaration]]] = {}
         for file in self.files.values():
             for declared in file.declared():
-                declarations.setdefault((declared.space, declared.name), []).append((file, declared))
+                declarations.setdefault((declared.space, declared.name), []).append(
+                    (file, declared)
+                )
         return declarations
 
     def of_space(self, space: str) -> Iterator[NameDeclaration]:
         """The first declaration of each name of a space."""
         yield from (
-            declared_places[0][1] for (own, _), declared_places in self.declarations.items() if own == space
+            declared_places[0][1]
+            for (own, _), declared_places in self.declarations.items()
+            if own == space
         )
 
     def symbol(self, file: FileIndex, offset: int) -> tuple[Symbol, Occurrence] | None:
@@ -195,7 +218,9 @@ class NameIndex:
         if occurrence.space == "variable":
             return Symbol("variable", occurrence.name, file.path, piece, occurrence.scope)
         spaces = _OCCURRENCE_SPACES.get(occurrence.space, (occurrence.space,))
-        space = next((own for own in spaces if (own, occurrence.name) in self.declarations), occurrence.space)
+        space = next(
+            (own for own in spaces if (own, occurrence.name) in self.declarations), occurrence.space
+        )
         return Symbol(space, occurrence.name)
 
     def uses(self, symbol: Symbol) -> Iterator[tuple[FileIndex, Occurrence]]:
@@ -212,11 +237,15 @@ class NameIndex:
                     yield file, occurrence
 
     def definitions(self, symbol: Symbol) -> list[tuple[FileIndex, Occurrence]]:
-        """Where a symbol is declared, and the heads of the rules that define it; for a variable, its first place."""
+        """Where a symbol is declared, and the heads of the rules that define it; for a
+        variable, its first place.
+        """
         uses = list(self.uses(symbol))
         if symbol.space == "variable":
             return uses[:1]
-        declared = [(file, occurrence) for file, occurrence in uses if occurrence.doing == "declared"]
+        declared = [
+            (file, occurrence) for file, occurrence in uses if occurrence.doing == "declared"
+        ]
         heads = [(file, occurrence) for file, occurrence in uses if occurrence.doing == "defined"]
         return [*declared, *heads]
 
@@ -238,7 +267,10 @@ _USE_SECTION = re.compile(r"^use[ \t]*:[^\n]*\n?(?:[ \t#\r][^\n]*\n?|\n)*", re.M
 
 @dataclass(frozen=True)
 class DeviceIndex(FileIndex):
-    """The names in a file of a device, as one use fills them in. Places are those of the file as it was written."""
+    """The names in a file of a device, as one use fills them in.
+
+    Places are those of the file as it was written.
+    """
 
     use: str
     device: str
@@ -249,7 +281,10 @@ class DeviceIndex(FileIndex):
     def pieces(self) -> list[tuple[int, PieceNames]]:
         """Where each piece begins, and what names it holds."""
         whole = FileIndex(self.path, self.filled.text, self.kind).pieces
-        return [*self._title(), *((self._place(start), self._names(start, names)) for start, names in whole)]
+        return [
+            *self._title(),
+            *((self._place(start), self._names(start, names)) for start, names in whole),
+        ]
 
     def _title(self) -> Iterator[tuple[int, PieceNames]]:
         """The device itself, and the use, where the device says its name."""
@@ -257,9 +292,12 @@ class DeviceIndex(FileIndex):
         if title and self.kind == "device":
             start, end = title.span(1)
             names = dict.fromkeys((self.device, self.use))
-            places = tuple(Occurrence("device", name, start, end, "declared", ranged=True) for name in names)
+            places = tuple(
+                Occurrence("device", name, start, end, "declared", ranged=True) for name in names
+            )
             declared = tuple(
-                NameDeclaration("device", name, "device", start, end, of=self.about) for name in names
+                NameDeclaration("device", name, "device", start, end, of=self.about)
+                for name in names
             )
             yield 0, PieceNames(places, declared)
 
@@ -290,7 +328,8 @@ def devices_in_use(section: str, domain: Path) -> Iterator[DeviceIndex]:
     for piece in split_pieces(section):
         root = piece_tree(piece.text)
         if piece.section and (root is None or isinstance(root.value, str)):
-            root = piece_tree(piece.text.partition(":")[0] + ": {}\n")  # its parameters are being written
+            # its parameters are being written
+            root = piece_tree(piece.text.partition(":")[0] + ": {}\n")
         node = root if piece.section or root is None else child_at(root, "use")
         if node is not None and isinstance(node.value, dict):
             entries |= node.value
@@ -300,7 +339,10 @@ def devices_in_use(section: str, domain: Path) -> Iterator[DeviceIndex]:
 
 
 def _device_files(use: DeviceUse) -> Iterator[DeviceIndex]:
-    """The files of a device. Faults of a use under another name have other names, and are left out."""
+    """The files of a device.
+
+    Faults of a use under another name have other names, and are left out.
+    """
     own = use.read(DEVICE_FILE)
     yield (first := _device_index(use, own))
     names = dict.fromkeys(

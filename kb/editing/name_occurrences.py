@@ -1,6 +1,7 @@
 """The names in one piece of a YAML or ASP file: where each stands and what it is.
 
-Places count from the beginning of the piece, so what was read of a piece is remembered wherever the piece moves.
+Places count from the beginning of the piece, so what was read of a piece is remembered wherever the
+piece moves.
 """
 
 import re
@@ -19,9 +20,11 @@ PHRASE_SLOT = re.compile(r"\{\s*([A-Z_]\w*)\s*(?::\s*([a-z]\w*))?\s*\}")
 
 
 class Occurrence(NamedTuple):
-    """A name in a text. `space` says what it names; `head` and `number` which argument of what it is.
+    """A name in a text. `space` says what it names; `head` and `number` which argument of what it
+    is.
 
-    `ranged` names are written as a range, such as depot_1..4. `scope` tells the variables of several statements apart.
+    `ranged` names are written as a range, such as depot_1..4. `scope` tells the variables of
+    several statements apart.
     """
 
     space: str
@@ -40,7 +43,9 @@ class Occurrence(NamedTuple):
 
 
 class NameDeclaration(NamedTuple):
-    """A declaration: of a predicate or function with the types of its arguments, of a type, of an object with its type."""
+    """A declaration: of a predicate or function with the types of its arguments, of a type, of
+    an object with its type.
+    """
 
     space: str
     name: str
@@ -102,7 +107,9 @@ class _ShapeReader:
                     self.scalar(key_node, shape.key, shape.key_doing, key, value)
                 self.read(value, shape.under(name), name)
 
-    def scalar(self, node: YamlNode, role: Role, doing: str, key: str, value: YamlNode | None = None) -> None:
+    def scalar(
+        self, node: YamlNode, role: Role, doing: str, key: str, value: YamlNode | None = None
+    ) -> None:
         """Note the names in a scalar; `value` stands beside it if it is a key."""
         if read := _ROLE_READERS.get(role):
             read(self, node, doing, key, value)
@@ -139,7 +146,10 @@ class _ShapeReader:
     def step(self, node: YamlNode, doing: str, _key: str, _value: YamlNode | None) -> None:
         for mention in mentions_in(node.value, terms=True):
             self.mentioned(
-                node, mention, doing or "named", "" if mention.head or mention.variable else "operator"
+                node,
+                mention,
+                doing or "named",
+                "" if mention.head or mention.variable else "operator",
             )
 
     def signature(self, node: YamlNode, doing: str, _key: str, value: YamlNode | None) -> None:
@@ -171,7 +181,9 @@ class _ShapeReader:
             tuple(named_parameter.name for named_parameter in arguments),
         )
         self.declared.append(
-            NameDeclaration("operator", first.name, "operator", start, start + len(first.name), names)
+            NameDeclaration(
+                "operator", first.name, "operator", start, start + len(first.name), names
+            )
         )
 
     def type(self, node: YamlNode, _doing: str, _key: str, _value: YamlNode | None) -> None:
@@ -180,7 +192,9 @@ class _ShapeReader:
     def new_type(self, node: YamlNode, _doing: str, _key: str, value: YamlNode | None) -> None:
         self.note("type", node.value, node.start, node.end, "declared")
         of = value.value if value is not None and isinstance(value.value, str) else ""
-        self.declared.append(NameDeclaration("type", node.value, "type", node.start, node.end, of=of))
+        self.declared.append(
+            NameDeclaration("type", node.value, "type", node.start, node.end, of=of)
+        )
         for item in value.value if value is not None and isinstance(value.value, list) else ():
             self._objects(item, node.value)
 
@@ -199,7 +213,9 @@ class _ShapeReader:
                 "object", name, node.start, node.end, "declared", ranged=names != [node.value]
             )
             self.occurrences.append(declared_object)
-            self.declared.append(NameDeclaration("object", name, "object", node.start, node.end, of=type_))
+            self.declared.append(
+                NameDeclaration("object", name, "object", node.start, node.end, of=type_)
+            )
 
     def thing(self, node: YamlNode, doing: str, _key: str, _value: YamlNode | None) -> None:
         names = expand_range(node.value)
@@ -229,17 +245,23 @@ class _ShapeReader:
         self.declared.append(NameDeclaration("cause", node.value, "cause", node.start, node.end))
 
 
-def _plain_reader(space: str) -> Callable[[_ShapeReader, YamlNode, str, str, YamlNode | None], None]:
+def _plain_reader(
+    space: str,
+) -> Callable[[_ShapeReader, YamlNode, str, str, YamlNode | None], None]:
     """Reads a scalar that is one name."""
 
-    def read(reader: _ShapeReader, node: YamlNode, _doing: str, _key: str, _value: YamlNode | None) -> None:
+    def read(
+        reader: _ShapeReader, node: YamlNode, _doing: str, _key: str, _value: YamlNode | None
+    ) -> None:
         start = node.offset_of(0)
         reader.note(space, node.value, start, start + len(node.value), "named")
 
     return read
 
 
-def _read_type(reader: _ShapeReader, node: YamlNode, doing: str, key: str, value: YamlNode | None) -> None:
+def _read_type(
+    reader: _ShapeReader, node: YamlNode, doing: str, key: str, value: YamlNode | None
+) -> None:
     if key == "objects":
         reader.listed(node, key, value)
     else:
@@ -283,13 +305,17 @@ def expand_range(text: str) -> list[str]:
     first, last = int(match[2]), int(match[3])
     width = len(match[2]) if match[2].startswith("0") else 0
     return [
-        f"{match[1]}{number:0{width}d}" for number in range(first, min(last, first + MAX_RANGE_NAMES) + 1)
+        f"{match[1]}{number:0{width}d}"
+        for number in range(first, min(last, first + MAX_RANGE_NAMES) + 1)
     ]
 
 
 @lru_cache(4096)
 def names_in_rules(text: str) -> PieceNames:
-    """The names in a piece of an ASP file. A head defines what its atom names; the other atoms are read."""
+    """The names in a piece of an ASP file.
+
+    A head defines what its atom names; the other atoms are read.
+    """
     ends = [token.start for token in tokens_of(text, True) if token.text == "."]
     necks = [token.start for token in tokens_of(text, True) if token.text == ":-"]
     constants = {constant.start for constant in _constant_mentions(text)}
@@ -312,7 +338,11 @@ def names_in_rules(text: str) -> PieceNames:
         )  # fmt: skip
     declared = [
         NameDeclaration(
-            "object", constant_mention.name, "constant", constant_mention.start, constant_mention.end
+            "object",
+            constant_mention.name,
+            "constant",
+            constant_mention.start,
+            constant_mention.end,
         )
         for constant_mention in occurrences
         if constant_mention.doing == "declared"

@@ -16,7 +16,8 @@ class Role(Enum):
     TYPE = auto()
     NEW_TYPE = auto()
     NAME = auto()  # an object, or a range of objects, that the domain or problem declares
-    THING = auto()  # an object that is mentioned; what follows a dot or a slash belongs to another name space
+    # an object that is mentioned; what follows a dot or a slash belongs to another name space
+    THING = auto()
     VARIABLE = auto()
     PREDICATE = auto()
     CAUSE = auto()
@@ -146,7 +147,10 @@ DOMAIN_SHAPE = ScalarShape(
         "deductive_operators": list_of(DEDUCTIVE_SHAPE),
         "conventions": ScalarShape(other=ScalarShape(Role.PREDICATE, "named")),
         "commands": ScalarShape(
-            keys={"words": mapping_of(Role.THING, list_of(TEXT_SHAPE)), "phrases": list_of(PHRASE_SHAPE)}
+            keys={
+                "words": mapping_of(Role.THING, list_of(TEXT_SHAPE)),
+                "phrases": list_of(PHRASE_SHAPE),
+            }
         ),
     }
 )
@@ -183,7 +187,9 @@ _ACTION_SHAPES = {"preconditions": READ, "by": STEP}
 FAULTS_SHAPE = ScalarShape(
     keys={
         "faults": ScalarShape(Role.DOMAIN),
-        "exceptions": ScalarShape(other=ScalarShape(keys={"of": STEP, "causes": mapping_of(Role.CAUSE)})),
+        "exceptions": ScalarShape(
+            other=ScalarShape(keys={"of": STEP, "causes": mapping_of(Role.CAUSE)})
+        ),
         "causes": mapping_of(
             Role.NEW_CAUSE,
             ScalarShape(
@@ -198,7 +204,9 @@ FAULTS_SHAPE = ScalarShape(
                 }
             ),
         ),
-        "tests": ScalarShape(other=ScalarShape(keys={**_ACTION_SHAPES, "gives": mapping_of(Role.CAUSE)})),
+        "tests": ScalarShape(
+            other=ScalarShape(keys={**_ACTION_SHAPES, "gives": mapping_of(Role.CAUSE)})
+        ),
         "repairs": ScalarShape(
             other=ScalarShape(
                 keys={
@@ -218,8 +226,12 @@ _MOVED_SHAPE = mapping_of(
     ScalarShape(keys={"in": THING, "joint": ScalarShape(keys={"follows": THING})}),
     "a body of the cell",
 )
-_ARMS_SHAPE = mapping_of(Role.THING, ScalarShape(keys={"in": THING, "tool": THING}), "a body of the cell")
-_PLACE_SHAPE = ScalarShape(keys={"in": THING, "touches": list_of(THING), "arm": THING, "tool": THING})
+_ARMS_SHAPE = mapping_of(
+    Role.THING, ScalarShape(keys={"in": THING, "tool": THING}), "a body of the cell"
+)
+_PLACE_SHAPE = ScalarShape(
+    keys={"in": THING, "touches": list_of(THING), "arm": THING, "tool": THING}
+)
 CELL_SHAPE = ScalarShape(
     keys={
         "cell": TITLE_SHAPE,
@@ -233,11 +245,15 @@ CELL_SHAPE = ScalarShape(
         ),
         "operations": mapping_of(
             Role.STEP,
-            ScalarShape(keys={"at": TERM, "drags": TERM, "drives": TERM, "with": TERM, "carries": TERM}),
+            ScalarShape(
+                keys={"at": TERM, "drags": TERM, "drives": TERM, "with": TERM, "carries": TERM}
+            ),
         ),
         "measuring": mapping_of(Role.THING, ScalarShape(keys={"touches": list_of(THING)})),
         "sensors": mapping_of(
-            Role.THING, ScalarShape(keys={"joint": THING, "force": THING, "load": THING}), "a sensor"
+            Role.THING,
+            ScalarShape(keys={"joint": THING, "force": THING, "load": THING}),
+            "a sensor",
         ),
     }
 )
@@ -259,4 +275,6 @@ SHAPE_OF_KIND: Mapping[str, ScalarShape] = {
     "cell": CELL_SHAPE,
     "contacts": CONTACTS_SHAPE,
 }
-"""The shape of each kind of file whose names are indexed; `cellwright.kb.schema` has a form of the same name."""
+"""The shape of each kind of file whose names are indexed; `cellwright.kb.schema` has a form of
+the same name.
+"""

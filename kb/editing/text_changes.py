@@ -30,7 +30,11 @@ class NotRenamed(Exception):
 def symbol_to_rename(index: NameIndex, file: FileIndex, offset: int) -> tuple[Symbol, Occurrence]:
     """What would be renamed at a place. Raises `NotRenamed`."""
     symbol_found = index.symbol(file, offset)
-    if symbol_found is None or symbol_found[0].space not in RENAMED_KINDS or symbol_found[1].name == "_":
+    if (
+        symbol_found is None
+        or symbol_found[0].space not in RENAMED_KINDS
+        or symbol_found[1].name == "_"
+    ):
         raise NotRenamed("there is no name to change here")
     symbol, place = symbol_found
     if symbol.name in BUILT_IN_TYPES and symbol.space == "type":
@@ -42,16 +46,21 @@ def symbol_to_rename(index: NameIndex, file: FileIndex, offset: int) -> tuple[Sy
             hint = f"`cellwright devices show {home.device}` lists what a use can call otherwise"
             raise NotRenamed(f"'{symbol.name}' is a name in the device '{home.device}': {hint}")
     if any(occurrence.ranged for _, occurrence in index.uses(symbol)):
-        raise NotRenamed(f"'{symbol.name}' is written as part of a range: list the names of the range first")
+        raise NotRenamed(
+            f"'{symbol.name}' is written as part of a range: list the names of the range first"
+        )
     return symbol, place
 
 
-def rename_occurrences(index: NameIndex, file: FileIndex, offset: int, name: str) -> Iterator[TextChange]:
+def rename_occurrences(
+    index: NameIndex, file: FileIndex, offset: int, name: str
+) -> Iterator[TextChange]:
     """The changes that give a name its new form everywhere. Raises `NotRenamed`."""
     symbol, _ = symbol_to_rename(index, file, offset)
     _refuse_name(index, file, symbol, name)
     places = {
-        (used_file.path, occurrence.start, occurrence.end) for used_file, occurrence in index.uses(symbol)
+        (used_file.path, occurrence.start, occurrence.end)
+        for used_file, occurrence in index.uses(symbol)
     }
     yield from (TextChange(*place, name) for place in sorted(places))
 
@@ -61,9 +70,14 @@ def _refuse_name(index: NameIndex, file: FileIndex, symbol: Symbol, name: str) -
     pattern = _VARIABLE if symbol.space == "variable" else _NAME
     if re.fullmatch(pattern, name) is None or name == "not":
         kind = "capital" if symbol.space == "variable" else "small"
-        raise NotRenamed(f"'{name}' is no name here: write a {kind} letter, then letters, digits and _")
+        raise NotRenamed(
+            f"'{name}' is no name here: write a {kind} letter, then letters, digits and _"
+        )
     if symbol.space == "variable":
-        if any(True for _ in index.uses(Symbol("variable", name, file.path, symbol.piece, symbol.scope))):
+        if any(
+            True
+            for _ in index.uses(Symbol("variable", name, file.path, symbol.piece, symbol.scope))
+        ):
             raise NotRenamed(f"there is a variable {name} here already")
         return
     taken = _CLASHING_SPACES.get(symbol.space, (symbol.space,))
@@ -91,7 +105,10 @@ _YAML_INDENT = "  "
 
 
 class Fix(NamedTuple):
-    """What is offered, and the changes that do it. `preferred`: the one that is most probably meant."""
+    """What is offered, and the changes that do it.
+
+    `preferred`: the one that is most probably meant.
+    """
 
     title: str
     changes: tuple[TextChange, ...]
@@ -102,7 +119,9 @@ def fixes_of(index: NameIndex, file: FileIndex, finding: Diagnostic) -> Iterator
     """What can be done about a finding in a file."""
     if not 1 <= finding.where.line <= len(file.line_starts):
         return
-    start = min(file.line_starts[finding.where.line - 1] + max(finding.where.column - 1, 0), len(file.text))
+    start = min(
+        file.line_starts[finding.where.line - 1] + max(finding.where.column - 1, 0), len(file.text)
+    )
     if name := suggested_name(finding.hint):
         yield from _replace_quoted(file, finding, start, name)
     if make := _FIX_MAKERS.get(finding.code):
@@ -131,24 +150,34 @@ def _find_name(text: str, name: str, start: int) -> int | None:
     return match.start() if match else None
 
 
-def _lone_variable(_index: NameIndex, file: FileIndex, finding: Diagnostic, start: int) -> Iterator[Fix]:
+def _lone_variable(
+    _index: NameIndex, file: FileIndex, finding: Diagnostic, start: int
+) -> Iterator[Fix]:
     for name in _quoted_names(finding.message)[:1]:
         if (place := _find_name(file.text, name, start)) is not None:
             change = TextChange(file.path, place, place + len(name), f"_{name}")
             yield Fix(f"call it _{name}: it may occur only once", (change,))
 
 
-def _missing_key(_index: NameIndex, file: FileIndex, finding: Diagnostic, start: int) -> Iterator[Fix]:
+def _missing_key(
+    _index: NameIndex, file: FileIndex, finding: Diagnostic, start: int
+) -> Iterator[Fix]:
     match = re.fullmatch(r"the key '(\w+)' is missing", finding.message)
     if match is None:
         return
     column = start - (file.text.rfind("\n", 0, start) + 1)
-    text = f"{match[1]}: , " if file.text[start : start + 1] == "{" else f"{match[1]}: \n{' ' * column}"
+    text = (
+        f"{match[1]}: , "
+        if file.text[start : start + 1] == "{"
+        else f"{match[1]}: \n{' ' * column}"
+    )
     place = start + 1 if file.text[start : start + 1] == "{" else start
     yield Fix(f"add the key '{match[1]}'", (TextChange(file.path, place, place, text),))
 
 
-def _not_in_header(_index: NameIndex, file: FileIndex, finding: Diagnostic, start: int) -> Iterator[Fix]:
+def _not_in_header(
+    _index: NameIndex, file: FileIndex, finding: Diagnostic, start: int
+) -> Iterator[Fix]:
     """Add a variable to the header of its operator."""
     names = re.findall(r"variable (\w+) is not in the header", finding.message)
     header = next(
@@ -170,7 +199,9 @@ def _not_in_header(_index: NameIndex, file: FileIndex, finding: Diagnostic, star
     yield Fix(f"add {names[0]} to the header of {header.name}", (change,))
 
 
-def _declare_predicate(index: NameIndex, file: FileIndex, finding: Diagnostic, start: int) -> Iterator[Fix]:
+def _declare_predicate(
+    index: NameIndex, file: FileIndex, finding: Diagnostic, start: int
+) -> Iterator[Fix]:
     """Declare an unknown predicate, with as many arguments as it is used with."""
     match = re.fullmatch(r"unknown predicate '(\w+)'", finding.message)
     place = _find_name(file.text, match[1], start) if match else None
@@ -188,7 +219,9 @@ def _declare_predicate(index: NameIndex, file: FileIndex, finding: Diagnostic, s
 
 
 def _argument_types(index: NameIndex, text: str) -> str:
-    """The types of the arguments with which a predicate is used; `object` where they are not known."""
+    """The types of the arguments with which a predicate is used; `object` where they are not
+    known.
+    """
     text_tokens, depth, end = tokens_of(text), 0, len(text)
     for token in text_tokens[1:]:
         depth += (token.text == "(") - (token.text == ")")
@@ -204,7 +237,9 @@ def _argument_types(index: NameIndex, text: str) -> str:
     return f"({', '.join(types)})" if types else ""
 
 
-def _remove_unused(_index: NameIndex, file: FileIndex, finding: Diagnostic, start: int) -> Iterator[Fix]:
+def _remove_unused(
+    _index: NameIndex, file: FileIndex, finding: Diagnostic, start: int
+) -> Iterator[Fix]:
     """Remove a declaration of one line."""
     begin = file.text.rfind("\n", 0, start) + 1
     end = file.text.find("\n", start) + 1 or len(file.text)
@@ -212,7 +247,10 @@ def _remove_unused(_index: NameIndex, file: FileIndex, finding: Diagnostic, star
     indent = len(file.text[begin:end]) - len(file.text[begin:end].lstrip())
     if len(following) - len(following.lstrip()) <= indent or not following.strip():
         names = _quoted_names(finding.message)
-        yield Fix(f"remove '{names[0]}'" if names else "remove it", (TextChange(file.path, begin, end, ""),))
+        yield Fix(
+            f"remove '{names[0]}'" if names else "remove it",
+            (TextChange(file.path, begin, end, ""),),
+        )
 
 
 _FIX_MAKERS: dict[str, Callable[[NameIndex, FileIndex, Diagnostic, int], Iterator[Fix]]] = {

@@ -6,12 +6,15 @@ from typing import NamedTuple
 from cellwright.kb.editing.scalar_roles import SHAPE_OF_KIND, ScalarShape
 
 _YAML_LINE = re.compile(r"([ ]*)((?:-(?:[ ]+|$))*)(.*)", re.DOTALL)
-_YAML_KEY = re.compile(r"""("[^"\n]*"|'[^'\n]*'|[^\s"'#{\[&*!|>%@`-][^#\n]*?):(?:[ \t]+|$)(.*)""", re.DOTALL)
+_YAML_KEY = re.compile(
+    r"""("[^"\n]*"|'[^'\n]*'|[^\s"'#{\[&*!|>%@`-][^#\n]*?):(?:[ \t]+|$)(.*)""", re.DOTALL
+)
 MAX_LINES_ABOVE = 5000  # above the place
 
 
 class Context(NamedTuple):
-    """The path to a place of a YAML text (0 for each list), and what of its scalar stands before the place.
+    """The path to a place of a YAML text (0 for each list), and what of its scalar stands before
+    the place.
 
     `key` says that it may be the beginning of a key. `begin` is where the scalar begins.
     """
@@ -55,7 +58,9 @@ def context_at(text: str, offset: int) -> Context:
     start = text.rfind("\n", 0, offset) + 1
     line = _split_line(text[start:offset])
     above = text[:start].split("\n")[:-1][-MAX_LINES_ABOVE:]
-    path = _parent_path(above, line.column if not line.dashes else line.dashes[0], bool(line.dashes))
+    path = _parent_path(
+        above, line.column if not line.dashes else line.dashes[0], bool(line.dashes)
+    )
     path += (0,) * len(line.dashes)
     if line.key is not None:
         return _context_inside((*path, line.key), line.value, offset)
@@ -66,7 +71,9 @@ def context_at(text: str, offset: int) -> Context:
 
 
 def _parent_path(above: list[str], column: int, dash: bool) -> tuple[str | int, ...]:
-    """The keys and lists around a place, from the lines above it; a dash may stand below its key."""
+    """The keys and lists around a place, from the lines above it; a dash may stand below its
+    key.
+    """
     path: list[str | int] = []
     for text in reversed(above):
         if not text.strip() or text.lstrip().startswith("#"):
@@ -87,12 +94,16 @@ def _parent_path(above: list[str], column: int, dash: bool) -> tuple[str | int, 
 
 
 def _scalar_begun_above(above: list[str], column: int) -> tuple[str | int, ...] | None:
-    """What a line goes on with, if the line above it that is indented less has begun a scalar; empty path: that of its key."""
+    """What a line goes on with, if the line above it that is indented less has begun a scalar;
+    empty path: that of its key.
+    """
     for text in reversed(above):
         if not text.strip() or text.lstrip().startswith("#"):
             continue
         line = _split_line(text)
-        if line.column >= column and not (line.dashes and line.key is None and line.dashes[-1] < column):
+        if line.column >= column and not (
+            line.dashes and line.key is None and line.dashes[-1] < column
+        ):
             continue
         value = line.value.split(" #")[0].strip()
         return () if value and value[0] not in "{[#" else None
@@ -113,7 +124,9 @@ def _context_inside(path: tuple[str | int, ...], value: str, offset: int) -> Con
 
 
 class _Brackets:
-    """Reads a mapping or list in brackets up to where it breaks off: the keys and lists that are open, where the scalar begins."""
+    """Reads a mapping or list in brackets up to where it breaks off: the keys and lists that
+    are open, where the scalar begins.
+    """
 
     def __init__(self, value: str) -> None:
         self.value = value

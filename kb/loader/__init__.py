@@ -1,7 +1,7 @@
 """Reads the files of a domain: domains, problems, plans, cells, contact models and fault bases.
 
-What loads domains, problems and plans is imported when it is first asked for. Tasks in PDDL do not need it, and it is slow
-to import.
+What loads domains, problems and plans is imported when it is first asked for. Tasks in PDDL do not
+need it, and it is slow to import.
 """
 
 from importlib import import_module

@@ -28,13 +28,18 @@ def load_arm(path: Path) -> Arm:
 
 
 def read_arm(path: Path, findings: LoadFindings) -> Arm:
-    """The arm in a file. Errors are added to `findings`. Raises `InvalidInput` if the file does not have the form of an arm."""
+    """The arm in a file. Errors are added to `findings`.
+
+    Raises `InvalidInput` if the file does not have the form of an arm.
+    """
     reader = Reader.of(read_file(path), findings)
     if not validate_shape(reader, "arm"):
         require_valid(findings)
     read = quantities_of(reader, path.parent)
     joints, last = _read_joints(read, reader.items("dh"))
-    links = tuple(_read_link(read, key, node, len(joints)) for key, _, node in reader.entries("links"))
+    links = tuple(
+        _read_link(read, key, node, len(joints)) for key, _, node in reader.entries("links")
+    )
     link_names = {link.name for link in links}
     return Arm(
         reader.text("arm"),
@@ -71,7 +76,8 @@ def _read_joints(read: QuantityReader, rows: list[YamlNode]) -> tuple[tuple[Join
     joints, fixed = [], Pose()
     for number, row in enumerate(rows, 1):
         limits = {
-            key: _optional_number(read, row, key) for key in ("lower", "upper", "speed", "acceleration")
+            key: _optional_number(read, row, key)
+            for key in ("lower", "upper", "speed", "acceleration")
         }
         lower, upper = limits["lower"], limits["upper"]
         if lower is not None and upper is not None and lower >= upper:
@@ -98,10 +104,14 @@ def _optional_number(read: QuantityReader, row: YamlNode, key: str) -> float | N
 
 
 def _pose_after_joint(read: QuantityReader, row: YamlNode) -> Pose:
-    """Rz(theta) Tz(d) Tx(a) Rx(alpha) as a pose. The joint turns about the same z axis before this pose."""
+    """Rz(theta) Tz(d) Tx(a) Rx(alpha) as a pose.
+
+    The joint turns about the same z axis before this pose.
+    """
     a, d = (read.number(node) if (node := child_at(row, key)) else 0.0 for key in ("a", "d"))
     alpha, theta = (
-        read.number(node, ANGLE) if (node := child_at(row, key)) else 0.0 for key in ("alpha", "theta")
+        read.number(node, ANGLE) if (node := child_at(row, key)) else 0.0
+        for key in ("alpha", "theta")
     )
     return Pose((a * math.cos(theta), a * math.sin(theta), d), (alpha, 0.0, theta))
 
@@ -110,5 +120,9 @@ def _read_link(read: QuantityReader, name: str, node: YamlNode, joints: int) -> 
     carrier = child_at(node, "carrier")
     number = int(carrier.value) if carrier else 0
     if number > joints and carrier:
-        read.findings.add(carrier.where, "K113", f"the arm has {joints} joints", "count from 0, the base")
-    return Link(name, min(number, joints), (read.pose(node),), read.shapes(child_at(node, "shapes")))
+        read.findings.add(
+            carrier.where, "K113", f"the arm has {joints} joints", "count from 0, the base"
+        )
+    return Link(
+        name, min(number, joints), (read.pose(node),), read.shapes(child_at(node, "shapes"))
+    )

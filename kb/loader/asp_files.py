@@ -7,7 +7,12 @@ from pathlib import Path
 
 from cellwright.kb.asp import AspError
 from cellwright.kb.asp.rule_compiler import NotCompilable, compile_rule
-from cellwright.kb.asp.statements import ParsedStatement, RefusedStatement, read_statements, unsafe_rules
+from cellwright.kb.asp.statements import (
+    ParsedStatement,
+    RefusedStatement,
+    read_statements,
+    unsafe_rules,
+)
 from cellwright.kb.diagnostics import Source, nearest_hint
 from cellwright.kb.files import File, is_file, path_below
 from cellwright.kb.graphs import strong_components
@@ -20,10 +25,17 @@ from cellwright.kb.model.statement import Sign, Signature, Statement
 Read = list[ParsedStatement]
 
 
-def read_rules(reader: Reader, names: SymbolTable, folder: Path) -> tuple[list[Statement], list[Rule]]:
-    """The statements in the files under `include:`. Derived predicates that only read statics become static."""
+def read_rules(
+    reader: Reader, names: SymbolTable, folder: Path
+) -> tuple[list[Statement], list[Rule]]:
+    """The statements in the files under `include:`.
+
+    Derived predicates that only read statics become static.
+    """
     read: Read = []
-    included = ((node.value, node) for node in reader.items("include") if isinstance(node.value, str))
+    included = (
+        (node.value, node) for node in reader.items("include") if isinstance(node.value, str)
+    )
     by_file: dict[str, list[tuple[str, YamlNode]]] = {}
     for name, node in included:
         by_file.setdefault(str(node.file.user() or ""), []).append((name, node))
@@ -33,7 +45,10 @@ def read_rules(reader: Reader, names: SymbolTable, folder: Path) -> tuple[list[S
             read.extend(_file_statements(node.file.beside(target), names))
     fluent = _depending_on_fluents(read, names)
     for predicate in list(names.predicates.values()):
-        if predicate.kind is Kind.DERIVED and (predicate.name, len(predicate.arguments)) not in fluent:
+        if (
+            predicate.kind is Kind.DERIVED
+            and (predicate.name, len(predicate.arguments)) not in fluent
+        ):
             names.predicates[predicate.name] = replace(predicate, kind=Kind.STATIC)
     _check_statements(read, names)
     return _sort_rules(read, fluent, names)
@@ -48,7 +63,9 @@ def _included_path(reader: Reader, name: str, node: YamlNode, folder: Path) -> P
     elif not is_file(target):
         near = nearest_hint(name, [path.name for path in folder.glob("*.lp")])
         hint = near or "the name is relative to domain.yaml"
-        reader.findings.add(node.where, "K203", f"there is no file '{name[:60]}' beside the domain", hint)
+        reader.findings.add(
+            node.where, "K203", f"there is no file '{name[:60]}' beside the domain", hint
+        )
     else:
         return target
     return None
@@ -57,9 +74,13 @@ def _included_path(reader: Reader, name: str, node: YamlNode, folder: Path) -> P
 def _file_statements(file: File, names: SymbolTable) -> Read:
     statements: Read = []
     try:
-        for statement in (_remembered if len(file.text) <= SHORT_FILE_CHARACTERS else _parse_file)(file):
+        for statement in (_remembered if len(file.text) <= SHORT_FILE_CHARACTERS else _parse_file)(
+            file
+        ):
             if isinstance(statement, RefusedStatement):
-                names.findings.add(statement.where, statement.code, statement.message, statement.hint)
+                names.findings.add(
+                    statement.where, statement.code, statement.message, statement.hint
+                )
             else:
                 statements.append(statement)
     except AspError as error:
@@ -78,7 +99,9 @@ _remembered = functools.lru_cache(64)(_parse_file)
 
 def _depending_on_fluents(read: Read, names: SymbolTable) -> set[Signature]:
     changing = {
-        (p.name, len(p.arguments)) for p in names.predicates.values() if p.kind in (Kind.FLUENT, Kind.EVENT)
+        (p.name, len(p.arguments))
+        for p in names.predicates.values()
+        if p.kind in (Kind.FLUENT, Kind.EVENT)
     }
     readers: dict[Signature, set[Signature]] = {}
     for statement in _read_values(read):
@@ -118,10 +141,16 @@ def _check_statements(read: Read, names: SymbolTable) -> None:
 def _known_predicates(read: Read, names: SymbolTable) -> set[Signature]:
     declared = {(p.name, len(p.arguments)) for p in names.predicates.values()}
     types = {(name, 1) for name in (*names.types, OBJECT_TYPE)}
-    return declared | types | {statement.defines for statement in _read_values(read) if statement.defines}
+    return (
+        declared
+        | types
+        | {statement.defines for statement in _read_values(read) if statement.defines}
+    )
 
 
-def _report_unknown(use: Signature, known: Iterable[Signature], where: Source, names: SymbolTable) -> None:
+def _report_unknown(
+    use: Signature, known: Iterable[Signature], where: Source, names: SymbolTable
+) -> None:
     name, arity = use
     arities = sorted(other for known_name, other in known if known_name == name)
     if arities:
@@ -166,13 +195,18 @@ def _check_head(signature: Signature, where: Source, names: SymbolTable) -> None
 
 
 def _contains_numbers(type_: str, names: SymbolTable) -> bool:
-    """Whether terms of this type contain numbers, which cannot be enumerated: then rules define which terms there are."""
+    """Whether terms of this type contain numbers, which cannot be enumerated: then rules define
+    which terms there are.
+    """
     built = (function for function in names.functions.values() if function.result == type_)
     return any(argument in NUMERIC_TYPES for function in built for argument in function.arguments)
 
 
 def _check_arguments(statement: Statement, names: SymbolTable, constants: set[str]) -> None:
-    """Check constants in predicates. An unknown one gets a warning, as a problem may declare it; a wrong type is an error."""
+    """Check constants in predicates.
+
+    An unknown one gets a warning, as a problem may declare it; a wrong type is an error.
+    """
     for (name, arity), number, constant in statement.constants:
         predicate = names.predicates.get(name)
         if predicate is None or len(predicate.arguments) != arity or constant in constants:
@@ -188,7 +222,9 @@ def _check_arguments(statement: Statement, names: SymbolTable, constants: set[st
             names.findings.add(statement.where, "K103", message, names.examples(expected))
 
 
-def _sort_rules(read: Read, fluent: set[Signature], names: SymbolTable) -> tuple[list[Statement], list[Rule]]:
+def _sort_rules(
+    read: Read, fluent: set[Signature], names: SymbolTable
+) -> tuple[list[Statement], list[Rule]]:
     asp: list[Statement] = []
     rules: list[Rule] = []
     for parsed in read:
@@ -204,7 +240,9 @@ def _sort_rules(read: Read, fluent: set[Signature], names: SymbolTable) -> tuple
     return asp, rules
 
 
-def _make_rules(parsed: ParsedStatement, name: str, where: Source, names: SymbolTable) -> Iterator[Rule]:
+def _make_rules(
+    parsed: ParsedStatement, name: str, where: Source, names: SymbolTable
+) -> Iterator[Rule]:
     predicate = names.predicates.get(name)
     if predicate is None:
         hint = f"declare `{name}` with its types under `derived:`"
@@ -217,7 +255,8 @@ def _make_rules(parsed: ParsedStatement, name: str, where: Source, names: Symbol
             yield Rule(*compile_rule(parsed.tree), where)
         except NotCompilable as error:
             hint = (
-                "a rule over fluents can contain only atoms, comparisons, `not`, #count, #sum, #min and #max"
+                "a rule over fluents can contain only atoms, comparisons, `not`, #count, #sum, "
+                "#min and #max"
             )
             message = f"this rule reads fluents and cannot be compiled, because of '{error}'"
             names.findings.add(where, "K202", message, hint)
@@ -229,7 +268,10 @@ def _warn_of_undefined(read: Read, names: SymbolTable) -> None:
     for name in names.derived:
         predicate = names.predicates.get(name)
         if predicate and (name, len(predicate.arguments)) not in defined:
-            message, hint = f"no rule defines '{name}'", "add a rule to an .lp file under `include:`"
+            message, hint = (
+                f"no rule defines '{name}'",
+                "add a rule to an .lp file under `include:`",
+            )
             names.findings.add(predicate.where, "K310", message, hint, warning=True)
 
 
@@ -247,7 +289,11 @@ def _check_strata(read: Read, names: SymbolTable) -> None:
                 names.findings.add(statement.where, "K202", message, hint)
         for use, sign in statement.uses:
             lower = sign is not Sign.POSITIVE
-            if lower and statement.defines and component.get(statement.defines) == component.get(use):
+            if (
+                lower
+                and statement.defines
+                and component.get(statement.defines) == component.get(use)
+            ):
                 message = f"'{statement.defines[0]}' depends on its own negation"
                 hint = "negate only predicates that do not depend on it"
                 names.findings.add(statement.where, "K201", message, hint)

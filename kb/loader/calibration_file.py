@@ -12,7 +12,9 @@ from cellwright.kb.numbers import is_number
 
 MAX_CALIBRATION_VALUE = 1e6
 AXIS_TOLERANCE = 1e-6  # how far the axes of a pose may be from right angles and unit lengths
-CALIBRATION_HINT = "write it with `handey calibrate ... --keep`, or with the option `calibration` of a driver"
+CALIBRATION_HINT = (
+    "write it with `handey calibrate ... --keep`, or with the option `calibration` of a driver"
+)
 
 
 def calibration_text(calibration: CameraFound) -> str:
@@ -47,13 +49,17 @@ def load_calibration(path: Path) -> CameraFound:
     if any(covariance[n][n] < 0 for n in range(9)):
         raise _invalid_calibration(path, "`covariance` has a negative variance")
     depth = content["range"] if isinstance(content["range"], dict) else {}
-    offset, scale, noise = (_calibrated_number(path, depth, key) for key in ("offset_m", "scale", "noise_m"))
+    offset, scale, noise = (
+        _calibrated_number(path, depth, key) for key in ("offset_m", "scale", "noise_m")
+    )
     focal, (u, v) = (
         _calibrated_number(path, content, "focal_px"),
         _read_row(path, "centre_px", content["centre_px"], 2),
     )
     if focal <= 0 or scale <= 0 or noise < 0:
-        raise _invalid_calibration(path, "`focal_px` and `scale` are above zero, `noise_m` is not below")
+        raise _invalid_calibration(
+            path, "`focal_px` and `scale` are above zero, `noise_m` is not below"
+        )
     return CameraFound(T, focal, (u, v), covariance, offset, scale, noise)
 
 
@@ -67,7 +73,8 @@ def _is_rotation(T: tuple[Numbers, ...]) -> bool:
     ]
     (a, b, c), (d, e, f), (g, h, i) = rows
     return (
-        max(products) < AXIS_TOLERANCE and a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0
+        max(products) < AXIS_TOLERANCE
+        and a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0
     )
 
 

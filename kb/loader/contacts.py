@@ -55,14 +55,21 @@ class ContactTemplates:
         try:
             octuple = parse_octuple(str(node.value), self.classes)
         except NotAnOctuple as error:
-            hint = "write class:object.anchor_class:anchor - class:object.anchor_class:anchor, with * for anything"
+            hint = (
+                "write class:object.anchor_class:anchor - class:object.anchor_class:anchor, "
+                "with * for anything"
+            )
             self.findings.add(node.where, "K710", str(error), hint)
             return None
-        sound = [self._sound(contact_point, node) for contact_point in (octuple.first, octuple.second)]
+        sound = [
+            self._sound(contact_point, node) for contact_point in (octuple.first, octuple.second)
+        ]
         return octuple if all(sound) else None
 
     def _sound(self, point: Quadruple, node: YamlNode) -> bool:
-        """Whether every name of an anchor point is known, and some anchor point is what the names say."""
+        """Whether every name of an anchor point is known, and some anchor point is what the
+        names say.
+        """
         for kind, name, known in (
             ("object class", point.object_class, list(self.classes)),
             ("object", point.instance, list(self.objects)),
@@ -102,7 +109,9 @@ class ContactTemplates:
     def _described(self, template: Quadruple, kind: str, anchor: AnchorPoint) -> bool:
         instances = [name for name, own_kind in self.objects.items() if own_kind == kind]
         named = (
-            template.instance == ANY or is_variable_name(template.instance) or template.instance in instances
+            template.instance == ANY
+            or is_variable_name(template.instance)
+            or template.instance in instances
         )
         point = Quadruple(kind, template.instance, anchor.anchor_class, anchor.name)
         return named and match_quadruple(template, point, self.classes[kind].lineage) is not None
@@ -134,7 +143,8 @@ class ContactTemplates:
         )
 
     def instances(self, nodes: Iterable[YamlNode]) -> Iterator[Octuple]:
-        """The contacts of a list, each with its key first. Those that no contact class describes are reported.
+        """The contacts of a list, each with its key first. Those that no contact class describes
+        are reported.
 
         So are anchor points that are taken twice.
         """
@@ -192,7 +202,10 @@ class ContactTemplates:
 
 
 def load_contacts(domain: Path) -> tuple[ContactModel, tuple[Diagnostic, ...]]:
-    """The contact model beside a domain file, and warnings. Raises `InvalidInput` with all errors."""
+    """The contact model beside a domain file, and warnings.
+
+    Raises `InvalidInput` with all errors.
+    """
     reader, known, names = read_beside(domain, CONTACTS_FILE, "contacts", "contact model")
     model = _ContactReader(reader, known, names).model(str(domain.with_name(CONTACTS_FILE)))
     require_valid(reader.findings)
@@ -234,7 +247,8 @@ class _ContactReader:
             tuple(self._restrictions(templates)),
             tuple(self._meanings(templates)),
             tuple(self._processes()),
-            tuple(str(node.value) for node in self.reader.items("filters")) or ("stability", "templates"),
+            tuple(str(node.value) for node in self.reader.items("filters"))
+            or ("stability", "templates"),
             self.reader.text("gravity") != "false",
             self._bodies(objects),
             path,
@@ -280,17 +294,29 @@ class _ContactReader:
         reader = Reader(node, findings)
         for names, key, entry in mapping_members(child_at(node, "anchors")):
             kinds = {
-                side: str(side_node.value) for side in ("key", "lock") if (side_node := child_at(entry, side))
+                side: str(side_node.value)
+                for side in ("key", "lock")
+                if (side_node := child_at(entry, side))
             }
             if len(kinds) != 1:
                 findings.add(
-                    key.where, "K005", "an anchor point is a key or a lock", "give either `key` or `lock`"
+                    key.where,
+                    "K005",
+                    "an anchor point is a key or a lock",
+                    "give either `key` or `lock`",
                 )
                 continue
             ((side, anchor_class),) = kinds.items()
-            listed = YamlNode([YamlNode(names, key.file, key.start, key.end)], key.file, key.start, key.end)
+            listed = YamlNode(
+                [YamlNode(names, key.file, key.start, key.end)], key.file, key.start, key.end
+            )
             for name, _ in reader.names(listed):
-                yield name, AnchorPoint(name, anchor_class, side == "key", self.read.pose(entry), key.where)
+                yield (
+                    name,
+                    AnchorPoint(
+                        name, anchor_class, side == "key", self.read.pose(entry), key.where
+                    ),
+                )
 
     def _one_side(self, classes: Mapping[str, ObjectClass]) -> None:
         """Report anchor classes that are keys here and locks there."""
@@ -299,14 +325,21 @@ class _ContactReader:
             for anchor in object_class.anchors.values():
                 first = sides.setdefault(anchor.anchor_class, anchor)
                 if first.key != anchor.key:
-                    message = f"the anchor class '{anchor.anchor_class}' is a key here and a lock elsewhere"
-                    self.findings.add(anchor.where, "K711", message, "give the two sides names of their own")
+                    message = (
+                        f"the anchor class '{anchor.anchor_class}' is a key here and a lock "
+                        "elsewhere"
+                    )
+                    self.findings.add(
+                        anchor.where, "K711", message, "give the two sides names of their own"
+                    )
                     return
 
     def _objects(self, classes: Mapping[str, ObjectClass]) -> dict[str, str]:
         objects: dict[str, str] = {}
         for kind, key, node in self.reader.entries("objects"):
-            if not self._known("object class", YamlNode(kind, key.file, key.start, key.end), classes):
+            if not self._known(
+                "object class", YamlNode(kind, key.file, key.start, key.end), classes
+            ):
                 continue
             for name, place in self.reader.once(self.reader.names(node)):
                 if name in objects or name == GROUND_OBJECT:
@@ -395,7 +428,9 @@ class _ContactReader:
             contact = templates.of(child_at(node, "contact"))
             if contact is not None:
                 yield Relevance(
-                    contact, _child_text(node, "matters") == "true", templates.of(child_at(node, "while"))
+                    contact,
+                    _child_text(node, "matters") == "true",
+                    templates.of(child_at(node, "while")),
                 )
 
     def _restrictions(self, templates: ContactTemplates) -> Iterator[Restriction]:
@@ -410,7 +445,9 @@ class _ContactReader:
             subject, value = node.value[given[0].value][1], node.value["is"][1]
             if given[0] is ConditionKind.JOINT and self._known("joint", subject, joints):
                 settings = child_at(joints[str(subject.value)], "settings")
-                self._known("setting", value, {setting: None for setting, _, _ in mapping_members(settings)})
+                self._known(
+                    "setting", value, {setting: None for setting, _, _ in mapping_members(settings)}
+                )
             if contact is not None:
                 during = templates.of(child_at(node, "while"))
                 yield Restriction(contact, given[0], str(subject.value), str(value.value), during)
@@ -418,7 +455,10 @@ class _ContactReader:
     def _meanings(self, templates: ContactTemplates) -> Iterator[Meaning]:
         for node in self.reader.items("facts"):
             contact = templates.of(child_at(node, "contact"))
-            made, broken = self._atoms(child_at(node, "made")), self._atoms(child_at(node, "broken"))
+            made, broken = (
+                self._atoms(child_at(node, "made")),
+                self._atoms(child_at(node, "broken")),
+            )
             if contact is not None:
                 yield Meaning(contact, made, broken, node.where)
 

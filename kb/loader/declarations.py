@@ -41,7 +41,9 @@ def read_declarations(reader: Reader, names: SymbolTable) -> None:
 
 def _read_types(reader: Reader, names: SymbolTable) -> None:
     nodes = {
-        name: node for name, key, node in reader.entries("types") if _is_new_type(reader, names, name, key)
+        name: node
+        for name, key, node in reader.entries("types")
+        if _is_new_type(reader, names, name, key)
     }
     for name, node in nodes.items():
         where = reader.root.descend(("types",)).value[name][0].where
@@ -55,17 +57,23 @@ def _read_types(reader: Reader, names: SymbolTable) -> None:
     for name in list(names.types):
         _check_parent(names, names.types[name], nodes[name])
     graph = {type_.name: [type_.parent] for type_ in names.types.values()}
-    _refuse_cycles(graph, {type_.name: type_.where for type_ in names.types.values()}, "type", names)
+    _refuse_cycles(
+        graph, {type_.name: type_.where for type_ in names.types.values()}, "type", names
+    )
 
 
 def _is_new_type(reader: Reader, names: SymbolTable, name: str, key: YamlNode) -> bool:
     if name in (*BUILT_IN_TYPES, TERM_TYPE):
-        names.findings.add(key.where, "K104", f"the type '{name}' is built in", "choose another name")
+        names.findings.add(
+            key.where, "K104", f"the type '{name}' is built in", "choose another name"
+        )
         return False
     return reader.is_name(name, key)
 
 
-def _closed_list(reader: Reader, names: SymbolTable, name: str, node: YamlNode, where: Source) -> None:
+def _closed_list(
+    reader: Reader, names: SymbolTable, name: str, node: YamlNode, where: Source
+) -> None:
     constants = list(reader.once(reader.names(node)))
     names.types[name] = Type(name, OBJECT_TYPE, tuple(constant for constant, _ in constants), where)
     names.closed_lists.add(name)
@@ -84,7 +92,9 @@ def _check_parent(names: SymbolTable, type_: Type, node: YamlNode) -> None:
         names.findings.add(node.where, "K103", f"'{type_.parent}' has no subtypes", hint)
     elif type_.parent in names.closed_lists:
         hint = f"write `{type_.parent}: object` and give each part its own type"
-        names.findings.add(node.where, "K103", f"'{type_.parent}' is a closed list and has no subtypes", hint)
+        names.findings.add(
+            node.where, "K103", f"'{type_.parent}' is a closed list and has no subtypes", hint
+        )
 
 
 def _refuse_cycles(
@@ -108,11 +118,15 @@ def _read_functions(reader: Reader, names: SymbolTable) -> None:
         result = str(node.value)
         _check_result(names, signature.name, result, node)
         arguments = tuple(str(argument) for argument in signature.arguments)
-        names.functions[signature.name] = FunctionSignature(signature.name, arguments, result, key.where)
+        names.functions[signature.name] = FunctionSignature(
+            signature.name, arguments, result, key.where
+        )
     graph: dict[str, list[str]] = {name: [] for name in names.functions}
     for function in names.functions.values():
         for argument in function.arguments:
-            inner = (f.name for f in names.functions.values() if names.is_subtype(f.result, argument))
+            inner = (
+                f.name for f in names.functions.values() if names.is_subtype(f.result, argument)
+            )
             graph[function.name].extend(inner)
     _refuse_cycles(graph, {f.name: f.where for f in names.functions.values()}, "function", names)
 
@@ -120,7 +134,9 @@ def _read_functions(reader: Reader, names: SymbolTable) -> None:
 def _is_new_function(names: SymbolTable, signature: Function, key: YamlNode) -> bool:
     if signature.name in names.functions:
         hint = "give one of them another name"
-        names.findings.add(key.where, "K104", f"the function '{signature.name}' is declared twice", hint)
+        names.findings.add(
+            key.where, "K104", f"the function '{signature.name}' is declared twice", hint
+        )
     elif signature.name in names.objects:
         hint = "give one of them another name"
         names.findings.add(
@@ -128,7 +144,9 @@ def _is_new_function(names: SymbolTable, signature: Function, key: YamlNode) -> 
         )
     elif not signature.arguments:
         hint = "list constants under `objects:`, or in a closed list under `types:`"
-        names.findings.add(key.where, "K102", f"the function '{signature.name}' has no arguments", hint)
+        names.findings.add(
+            key.where, "K102", f"the function '{signature.name}' has no arguments", hint
+        )
     else:
         return True
     return False
@@ -142,7 +160,9 @@ def _check_result(names: SymbolTable, name: str, result: str, node: YamlNode) ->
         names.findings.add(node.where, "K103", f"{name}(...) cannot be of type {result}", hint)
     elif result in names.closed_lists:
         hint = f"write `{result}: object`"
-        names.findings.add(node.where, "K103", f"'{result}' is a closed list: it has no other values", hint)
+        names.findings.add(
+            node.where, "K103", f"'{result}' is a closed list: it has no other values", hint
+        )
 
 
 def _read_signature(reader: Reader, key: YamlNode, names: SymbolTable) -> Function | None:
@@ -171,7 +191,9 @@ def read_objects(reader: Reader, names: SymbolTable) -> dict[str, str]:
 
 
 def _check_extensible(names: SymbolTable, type_: str, key: YamlNode) -> None:
-    """Check that a type may have listed objects: it is not numeric, not closed, and not built by functions."""
+    """Check that a type may have listed objects: it is not numeric, not closed, and not built
+    by functions.
+    """
     if type_ not in names.types and type_ != OBJECT_TYPE:
         if type_ in BUILT_IN_TYPES:
             names.findings.add(
@@ -196,7 +218,9 @@ def _read_predicates(reader: Reader, names: SymbolTable) -> None:
             weighed = isinstance(node.value, dict) and node.value.get("weight")
             weight = int(weighed[1].value) if weighed and weighed[1].value else None
             arguments = tuple(str(argument) for argument in signature.arguments)
-            names.predicates[signature.name] = Predicate(signature.name, arguments, kind, weight, key.where)
+            names.predicates[signature.name] = Predicate(
+                signature.name, arguments, kind, weight, key.where
+            )
             if kind is Kind.DERIVED:
                 names.derived.append(signature.name)
 
@@ -226,7 +250,8 @@ def _is_new_predicate(names: SymbolTable, signature: Function, key: YamlNode) ->
     earlier = names.predicates.get(signature.name)
     if earlier is not None:
         message = (
-            f"'{signature.name}' is declared already, as {earlier.kind.value} in line {earlier.where.line}"
+            f"'{signature.name}' is declared already, as {earlier.kind.value} in line "
+            f"{earlier.where.line}"
         )
     elif names.known_type(signature.name):
         message = f"'{signature.name}' is a type, and every type is also a predicate"
@@ -272,7 +297,8 @@ def _is_declared(convention: Convention, name: str, node: YamlNode, names: Symbo
         code, reason = deviation
         message = f"'{name}' cannot stand for '{convention.role}': it {reason}"
         hint = (
-            f"name {WITH_ARTICLE[convention.sort.value]} such as {convention.written()}: {convention.meaning}"
+            f"name {WITH_ARTICLE[convention.sort.value]} such as {convention.written()}: "
+            f"{convention.meaning}"
         )
         names.findings.add(node.where, code, message, hint)
     return deviation is None

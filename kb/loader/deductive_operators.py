@@ -34,14 +34,19 @@ def read_deductive_operators(reader: Reader, names: SymbolTable) -> tuple[Deduct
 
 
 class _DeductionReader:
-    """Reads one deductive operator. Its clauses share the variable types of the trigger and of `where:`."""
+    """Reads one deductive operator.
+
+    Its clauses share the variable types of the trigger and of `where:`.
+    """
 
     def __init__(self, reader: Reader, names: SymbolTable, index: int) -> None:
         self.reader, self.names = reader, names
         self.path: tuple[str | int, ...] = ("deductive_operators", index)
         self.where = reader.expression("body", *self.path, "where")
         self.body: Body = self.where.value if self.where else ()
-        self.clauses = {name: reader.expression("clauses", *self.path, name) for name in CONSEQUENCE_FIELDS}
+        self.clauses = {
+            name: reader.expression("clauses", *self.path, name) for name in CONSEQUENCE_FIELDS
+        }
 
     def read(self) -> DeductiveOperator | None:
         when = self.reader.expression("trigger", *self.path, "when")
@@ -83,7 +88,9 @@ class _DeductionReader:
         predicate = self.names.predicates.get(trigger.atom.name)
         if predicate and predicate.kind is Kind.EVENT and not trigger.positive:
             hint = "trigger on the event itself, or on a fluent"
-            message = f"'{trigger.atom.name}' is an event, which is never denied, so this never happens"
+            message = (
+                f"'{trigger.atom.name}' is an event, which is never denied, so this never happens"
+            )
             self.names.findings.add(when.node.where, "K108", message, hint)
         if not any(self.clauses.values()):
             hint = "say what it `implies` or `denies`"
@@ -106,7 +113,11 @@ class _DeductionReader:
             for part in guard:
                 scope.condition(part, expression, (Kind.STATIC,))
             used = dict.fromkeys(
-                [*term_variables(trigger), *term_variables(atom), *body_variables((*self.body, *guard))]
+                [
+                    *term_variables(trigger),
+                    *term_variables(atom),
+                    *body_variables((*self.body, *guard)),
+                ]
             )
             wanted = [variable for variable in used if scope.type_of(variable) is not None]
             parameters = scope.parameters([v for v in wanted if v != ANYTHING], expression)
@@ -115,14 +126,21 @@ class _DeductionReader:
                 *(() if CONSEQUENCE_FIELDS[name] else term_variables(atom)),
             }
             bound = variables_bound_by(given, (*self.body, *guard))
-            refuse_unbound(used, bound, expression, self.names, "read it from a static, or from the trigger")
+            refuse_unbound(
+                used, bound, expression, self.names, "read it from a static, or from the trigger"
+            )
             counted = count_occurrences([trigger, self.body, atom, guard])
-            warn_singletons([*term_variables(atom), *body_variables(guard)], counted, expression, self.names)
+            warn_singletons(
+                [*term_variables(atom), *body_variables(guard)], counted, expression, self.names
+            )
             yield Consequence(atom, CONSEQUENCE_FIELDS[name], guard, parameters)
 
 
 def read_defaults(reader: Reader, names: SymbolTable) -> tuple[Default, ...]:
-    """The defaults in their order. `atom, guard` has one instance per binding of the guard and the types."""
+    """The defaults in their order.
+
+    `atom, guard` has one instance per binding of the guard and the types.
+    """
     read = ((node, reader.parse("clauses", node)) for node in reader.items("defaults"))
     defaults = [
         default
@@ -155,9 +173,13 @@ def _make_defaults(names: SymbolTable, expression: Expression, where: Source) ->
         parameters = typing.parameters(used, expression)
         bound = variables_bound_by(enumerable_parameters(parameters), guard)
         wanted = [*used, *body_variables(guard)]
-        refuse_unbound(wanted, bound, expression, names, "add an atom that binds it: `at(P, D), home(P, D)`")
+        refuse_unbound(
+            wanted, bound, expression, names, "add an atom that binds it: `at(P, D), home(P, D)`"
+        )
         counted = count_occurrences([atom, guard])
-        inner: list[Variable] = [variable for variable in body_variables(guard) if variable not in used]
+        inner: list[Variable] = [
+            variable for variable in body_variables(guard) if variable not in used
+        ]
         warn_singletons(inner, counted, expression, names)
         yield Default(atom, parameters, guard, where)
 

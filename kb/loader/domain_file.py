@@ -18,7 +18,14 @@ from cellwright.kb.loader.symbol_table import SymbolTable
 from cellwright.kb.loader.yaml_tree import YamlNode
 from cellwright.kb.model.cell_model import WORLD_FRAME
 from cellwright.kb.model.condition_forms import with_named_values
-from cellwright.kb.model.domain_model import DISTANCE_TERM, RUN_TOOLS, Domain, Motion, Phrase, Predicate
+from cellwright.kb.model.domain_model import (
+    DISTANCE_TERM,
+    RUN_TOOLS,
+    Domain,
+    Motion,
+    Phrase,
+    Predicate,
+)
 from cellwright.kb.model.name_conventions import CONVENTION_BY_NAME
 from cellwright.kb.syntax import SECONDS_PER_UNIT, unit_seconds
 
@@ -38,7 +45,9 @@ def read_motion(reader: Reader, names: SymbolTable) -> Motion | None:
     where = reader.root.value["motion"][0].where
     _refuse_others(where, names)
     if not reader.text("motion", "speed"):
-        reader.findings.add(where, "K005", "`motion:` without a speed", "write `speed: 250 mm/s` below it")
+        reader.findings.add(
+            where, "K005", "`motion:` without a speed", "write `speed: 250 mm/s` below it"
+        )
         return None
     speed = _read_speed(reader.root.descend(("motion", "speed")), reader)
     settling = _read_settling(reader)
@@ -65,7 +74,10 @@ def _read_speed(node: YamlNode, reader: Reader) -> Fraction | None:
 
 def _read_settling(reader: Reader) -> Fraction | None:
     """Units of the domain's time, 0 if nothing is said."""
-    text, node = reader.text("motion", "settling").strip(), reader.root.descend(("motion", "settling"))
+    text, node = (
+        reader.text("motion", "settling").strip(),
+        reader.root.descend(("motion", "settling")),
+    )
     if not text:
         return Fraction(0)
     match = DURATION_TEXT.fullmatch(text)
@@ -77,7 +89,10 @@ def _read_settling(reader: Reader) -> Fraction | None:
     settling = Fraction(match[1]) * unit
     if settling > MAX_SETTLING_S:
         reader.findings.add(
-            node.where, "K113", f"the settling time {match[0]} is longer than a day", "check the unit"
+            node.where,
+            "K113",
+            f"the settling time {match[0]} is longer than a day",
+            "check the unit",
         )
         return None
     return settling / SECONDS_PER_UNIT[reader.time_unit]
@@ -92,7 +107,10 @@ def _refuse_others(where: Source, names: SymbolTable) -> None:
         declared = names.predicates.get(name) or names.functions.get(name)
         table = name == names.travel and isinstance(declared, Predicate) and _is_table(declared)
         if declared is not None and not table:
-            message = f"with `motion:`, durations call a number '{name}', but line {declared.where.line} declares it"
+            message = (
+                f"with `motion:`, durations call a number '{name}', but line "
+                f"{declared.where.line} declares it"
+            )
             names.findings.add(where, "K104", message, "give the other one another name")
 
 
@@ -144,17 +162,24 @@ def read_domain(
         tools=tuple(dict.fromkeys(str(node.value) for node in reader.items("tools"))) or RUN_TOOLS,
     )
     for diagnostic in check_phrases(domain, reader.place_under("commands")):
-        if not names.missing & {*re.findall(r"\w+", diagnostic.message)}:  # what follows from a missing type
+        # what follows from a missing type
+        if not names.missing & {*re.findall(r"\w+", diagnostic.message)}:
             findings.note(diagnostic)
     return with_named_values(domain), names
 
 
-def read_beside(domain: Path, name: str, form: str, what: str) -> tuple[Reader, Domain, SymbolTable]:
-    """A file beside a domain file, read in a form of `cellwright.kb.schema`, with the domain and its names. Raises `InvalidInput`."""
+def read_beside(
+    domain: Path, name: str, form: str, what: str
+) -> tuple[Reader, Domain, SymbolTable]:
+    """A file beside a domain file, read in a form of `cellwright.kb.schema`, with the domain
+    and its names. Raises `InvalidInput`.
+    """
     path = domain.with_name(name)
     if not is_there(path):
         hint = f"write one: `cellwright schema {form}` shows its form"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"this domain has no {what}", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source(str(path)), "K405", f"this domain has no {what}", hint)]
+        )
     known, names = read_domain(domain, LoadFindings())
     reader = Reader.of(read_file(path), LoadFindings())
     composed_beside(reader, domain, form)
@@ -175,7 +200,10 @@ def _read_phrases(reader: Reader) -> list[Phrase]:
         value = {key: str(item.value) for key, (_, item) in node.value.items()}
         if bool(value.get("goal")) == bool(value.get("stage")):
             reader.findings.add(
-                node.where, "K005", "a phrase needs either a goal or a stage", "give exactly one of them"
+                node.where,
+                "K005",
+                "a phrase needs either a goal or a stage",
+                "give exactly one of them",
             )
         where = node.value["say"][1].where
         goal, stage, subject = (value.get(key, "") for key in ("goal", "stage", "subject"))

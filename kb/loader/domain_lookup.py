@@ -12,7 +12,9 @@ from cellwright.kb.targets import DOMAIN_FILE, bundled_domains, find_target
 DOMAIN_SUFFIXES = (
     ".yaml",
     ".yml",
-)  # messages show lines of the domain, so only files of this kind may be named: no other file is ever shown
+    # messages show lines of the domain, so only files of this kind may be named: no other file is
+    # ever shown
+)
 PDDL_SUFFIX = ".pddl"
 HEAD_BYTES = 65_536  # the part of a file that is searched for its `domain:` line
 _WITH_ITS_DOMAIN = "name the folder of this file: the file is checked with its domain"
@@ -29,7 +31,10 @@ _OTHER_KINDS = {
 
 
 def domain_of(target: str) -> Path:
-    """The domain file of a target, which may be one of its problems. The domain itself is not read. Raises `InvalidInput`."""
+    """The domain file of a target, which may be one of its problems.
+
+    The domain itself is not read. Raises `InvalidInput`.
+    """
     path, findings = find_target(target), LoadFindings()
     reader = Reader.of(read_file(path), findings)
     if not isinstance(reader.root.value, dict) or "problem" not in reader.root.value:
@@ -42,7 +47,10 @@ def domain_of(target: str) -> Path:
 
 
 def require_no_other(path: Path, root: Mapping[str, object]) -> None:
-    """Refuse a file of another kind with one message, not with one for each of its keys. Raises `InvalidInput`."""
+    """Refuse a file of another kind with one message, not with one for each of its keys.
+
+    Raises `InvalidInput`.
+    """
     for key, (kind, hint) in _OTHER_KINDS.items():
         if key in root and "domain" not in root:
             message = f"this is {kind}, not a domain or a problem"
@@ -50,7 +58,8 @@ def require_no_other(path: Path, root: Mapping[str, object]) -> None:
 
 
 def domain_file_of(reader: Reader) -> Path:
-    """The domain of a problem: the one near it if the name fits, else a path, else a bundled one. Raises `InvalidInput`.
+    """The domain of a problem: the one near it if the name fits, else a path, else a bundled one.
+    Raises `InvalidInput`.
 
     A domain near it whose name cannot be read is the one, so that its reader says what is wrong.
     """
@@ -60,17 +69,26 @@ def domain_file_of(reader: Reader) -> Path:
         return path
     if Path(name).suffix == PDDL_SUFFIX:
         message = f"'{name[-60:]}' is PDDL: here a domain in YAML is wanted"
-        hint = "plan --pddl DOMAIN PROBLEM --format ipc writes a plan that validate --pddl DOMAIN PROBLEM PLAN checks"
-        raise InvalidInput([*reader.findings.diagnostics, Diagnostic(node.where, "K401", message, hint)])
+        hint = (
+            "plan --pddl DOMAIN PROBLEM --format ipc writes a plan that validate --pddl DOMAIN "
+            "PROBLEM PLAN checks"
+        )
+        raise InvalidInput(
+            [*reader.findings.diagnostics, Diagnostic(node.where, "K401", message, hint)]
+        )
     known = bundled_domains()
-    beside = [called for place in (folder.parent, folder) if (called := _name_in(place / DOMAIN_FILE))]
+    beside = [
+        called for place in (folder.parent, folder) if (called := _name_in(place / DOMAIN_FILE))
+    ]
     hint = nearest_hint(name, [*beside, *known]) or _suggest_domains(beside, list(known))
     unknown = Diagnostic(node.where, "K401", f"unknown domain '{name[:60]}'", hint)
     raise InvalidInput([*reader.findings.diagnostics, unknown])
 
 
 def domain_called(name: str, here: Path) -> Path | None:
-    """The domain that a problem in the folder `here` means by a name or path; None if there is none."""
+    """The domain that a problem in the folder `here` means by a name or path; None if there is
+    none.
+    """
     for candidate in (here.parent / DOMAIN_FILE, here / DOMAIN_FILE):
         if _is_called(candidate, name) or (is_there(candidate) and not _name_in(candidate)):
             return candidate
@@ -84,8 +102,8 @@ def domain_called(name: str, here: Path) -> Path | None:
 
 
 def _moved_paths(path: Path, here: Path) -> Iterator[Path]:
-    """Where a file may be that is not at `path`: in a folder around `here` or around the working folder, whose files were
-    moved together or which were named from there."""
+    """Where a file may be that is not at `path`: in a folder around `here` or around the working
+    folder, whose files were moved together or which were named from there."""
     tails = [Path(*path.parts[-n:]) for n in range(2, len(path.parts) + 1)]
     for folder in (*here.absolute().parents, *Path.cwd().parents):
         yield from (folder / tail for tail in tails if not tail.is_absolute())
@@ -93,14 +111,19 @@ def _moved_paths(path: Path, here: Path) -> Iterator[Path]:
 
 def _suggest_domains(beside: Sequence[str], known: Sequence[str]) -> str:
     if beside:
-        return f"the domain beside this file is '{beside[0]}'; or a path, or one of: {', '.join(known)}"
+        return (
+            f"the domain beside this file is '{beside[0]}'; or a path, or one of: "
+            f"{', '.join(known)}"
+        )
     return f"a path, or one of: {', '.join(known)}"
 
 
 def _is_called(path: Path, name: str) -> bool:
     """Whether a file contains the line `domain: name`, as a domain of this name does."""
     return (
-        re.search(rf"""^domain:\s*(['"]?){re.escape(name)}\1\s*(#.*)?$""", _file_head(path), re.MULTILINE)
+        re.search(
+            rf"""^domain:\s*(['"]?){re.escape(name)}\1\s*(#.*)?$""", _file_head(path), re.MULTILINE
+        )
         is not None
     )
 

@@ -33,14 +33,16 @@ class _FaultReader:
     def __init__(self, reader: Reader, domain: Domain, names: SymbolTable) -> None:
         self.reader, self.domain, self.names = reader, domain, names
         self.operators = {operator.name: operator for operator in domain.operators}
-        self.bound: dict[str, dict[Variable, str]] = {}  # for each file: a device has variables of its own
+        # for each file: a device has variables of its own
+        self.bound: dict[str, dict[Variable, str]] = {}
 
     def model(self, path: str) -> FaultModel:
         self._name()
         entries = self._section
         causes = [name for name, _, _ in entries("causes")]
         exceptions = {
-            name: self._exception(name, key, node, causes) for name, key, node in entries("exceptions")
+            name: self._exception(name, key, node, causes)
+            for name, key, node in entries("exceptions")
         }
         return FaultModel(
             self.domain.name,
@@ -57,12 +59,20 @@ class _FaultReader:
     def _name(self) -> None:
         node = self.reader.root.descend(("faults",))
         if node.value != self.domain.name:
-            self.names.findings.note(unknown_name("domain", node.value, [self.domain.name], node.where))
+            self.names.findings.note(
+                unknown_name("domain", node.value, [self.domain.name], node.where)
+            )
 
     def _section(self, section: str) -> list[tuple[str, YamlNode, YamlNode]]:
-        return [entry for entry in self.reader.entries(section) if self.reader.is_name(entry[0], entry[1])]
+        return [
+            entry
+            for entry in self.reader.entries(section)
+            if self.reader.is_name(entry[0], entry[1])
+        ]
 
-    def _exception(self, name: str, key: YamlNode, node: YamlNode, causes: Collection[str]) -> Interruption:
+    def _exception(
+        self, name: str, key: YamlNode, node: YamlNode, causes: Collection[str]
+    ) -> Interruption:
         counts = {}
         for cause, (place, count) in node.value["causes"][1].value.items():
             if self._known("cause", cause, causes, place):
@@ -80,14 +90,19 @@ class _FaultReader:
         )
 
     def _bind(self, header: Function, file: str) -> None:
-        """Give the variables of an exception's operator the types of its parameters, in all atoms of the file."""
+        """Give the variables of an exception's operator the types of its parameters, in all
+        atoms of the file.
+        """
         bound = self.bound.setdefault(file, {})
         for argument, parameter in zip(header.arguments, self._of(header).parameters, strict=True):
             if isinstance(argument, Variable):
                 bound.setdefault(argument, parameter.type)
 
     def _types_in(self, file: str) -> dict[Variable, str]:
-        """The types of variables in a file. What it does not bind itself is bound as in the other files."""
+        """The types of variables in a file.
+
+        What it does not bind itself is bound as in the other files.
+        """
         types: dict[Variable, str] = {}
         for bound in (self.bound.get(file, {}), *self.bound.values()):
             for variable, type_ in bound.items():
@@ -134,14 +149,21 @@ class _FaultReader:
             key.where,
         )
 
-    def _chances(self, node: YamlNode, outcomes: Collection[str], otherwise: str) -> Mapping[str, float]:
-        """The probabilities in `weak` or `weak 0.9, none 0.05`. The rest belongs to the outcome `otherwise`."""
+    def _chances(
+        self, node: YamlNode, outcomes: Collection[str], otherwise: str
+    ) -> Mapping[str, float]:
+        """The probabilities in `weak` or `weak 0.9, none 0.05`.
+
+        The rest belongs to the outcome `otherwise`.
+        """
         chances: dict[str, float] = {}
         for part in str(node.value).split(","):
             read = _CHANCE.fullmatch(part.strip())
             if read is None:
                 message = f"'{part.strip()[:40]}' is not an outcome with a probability"
-                self.names.findings.add(node.where, "K901", message, "write it as in `weak 0.9, none 0.1`")
+                self.names.findings.add(
+                    node.where, "K901", message, "write it as in `weak 0.9, none 0.1`"
+                )
             elif self._known("outcome", read[1], outcomes, node):
                 chances[read[1]] = chances.get(read[1], 0.0) + (float(read[2]) if read[2] else 1.0)
         left = 1.0 - sum(chances.values())
@@ -171,7 +193,9 @@ class _FaultReader:
     def _cures(self, node: YamlNode, causes: Collection[str]) -> Mapping[str, float]:
         if isinstance(node.value, list):
             listed = self.reader.once((str(item.value), item) for item in node.value)
-            return {cause: 1.0 for cause, place in listed if self._known("cause", cause, causes, place)}
+            return {
+                cause: 1.0 for cause, place in listed if self._known("cause", cause, causes, place)
+            }
         cures = {}
         for cause, (place, chance) in node.value.items():
             if self._known("cause", cause, causes, place):
@@ -188,7 +212,9 @@ class _FaultReader:
         self.names.findings.note(unknown_name(kind, name, known, place.where))
         return False
 
-    def _atoms(self, node: YamlNode, key: str, kinds: tuple[Kind, ...] = (Kind.FLUENT,)) -> tuple[Atom, ...]:
+    def _atoms(
+        self, node: YamlNode, key: str, kinds: tuple[Kind, ...] = (Kind.FLUENT,)
+    ) -> tuple[Atom, ...]:
         """The fluents under a key, or atoms of other `kinds`, checked against their signatures."""
         given = _child_node(node, key)
         expression = self.reader.parse("atoms", given) if given else None
@@ -238,8 +264,13 @@ class _FaultReader:
         if alone and not header.arguments:
             return Function(header.name, (ANYTHING,) * len(operator.parameters))
         if len(header.arguments) != len(operator.parameters):
-            message = f"{header.name} takes {len(operator.parameters)} arguments, not {len(header.arguments)}"
-            self.names.findings.add(expression.place(header), "K102", message, f"it is {operator.header}")
+            message = (
+                f"{header.name} takes {len(operator.parameters)} arguments, not "
+                f"{len(header.arguments)}"
+            )
+            self.names.findings.add(
+                expression.place(header), "K102", message, f"it is {operator.header}"
+            )
             return None
         return header
 

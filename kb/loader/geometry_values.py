@@ -39,7 +39,10 @@ LENGTH, ANGLE, FACTOR = "length", "angle", "factor"
 
 @dataclass(frozen=True)
 class QuantityReader:
-    """Reads the numbers of one file. `length` and `angle` are the units of numbers without a unit."""
+    """Reads the numbers of one file.
+
+    `length` and `angle` are the units of numbers without a unit.
+    """
 
     findings: LoadFindings
     folder: Path
@@ -55,14 +58,22 @@ class QuantityReader:
         return path
 
     def number(self, node: YamlNode, kind: str = LENGTH) -> float:
-        """The quantity of a scalar node in metres or radians (a factor unchanged). Anything else is reported and becomes 0."""
+        """The quantity of a scalar node in metres or radians (a factor unchanged).
+
+        Anything else is reported and becomes 0.
+        """
         match = QUANTITY.fullmatch(str(node.value))
         if match is None:
             self.findings.add(node.where, "K005", "not a number", "write 0.5, 20 mm or 90 deg")
             return 0.0
         units = {LENGTH: LENGTH_UNITS_M, ANGLE: ANGLE_UNITS_RAD, FACTOR: {"": 1.0}}[kind]
-        own = node.file.user() is None  # devices count in metres and degrees, whatever the cell counts in
-        bare = {LENGTH: self.length if own else "m", ANGLE: self.angle if own else "deg", FACTOR: ""}[kind]
+        # devices count in metres and degrees, whatever the cell counts in
+        own = node.file.user() is None
+        bare = {
+            LENGTH: self.length if own else "m",
+            ANGLE: self.angle if own else "deg",
+            FACTOR: "",
+        }[kind]
         unit = match[2] or bare
         if unit not in units:
             hint = f"one of: {', '.join(units)}" if kind != FACTOR else "leave the unit out"
@@ -70,7 +81,9 @@ class QuantityReader:
             return 0.0
         value = float(match[1]) * units[unit]
         if abs(value) > MAX_MAGNITUDE:
-            self.findings.add(node.where, "K113", f"larger than {MAX_MAGNITUDE:g}", "check the unit")
+            self.findings.add(
+                node.where, "K113", f"larger than {MAX_MAGNITUDE:g}", "check the unit"
+            )
             return 0.0
         return value
 
@@ -78,7 +91,9 @@ class QuantityReader:
         """A length, which must be greater than zero."""
         value = self.number(node)
         if value <= 0 and QUANTITY.fullmatch(str(node.value)):
-            self.findings.add(node.where, "K702", "a shape needs a positive extent", "give its size")
+            self.findings.add(
+                node.where, "K702", "a shape needs a positive extent", "give its size"
+            )
         return value
 
     def vector(self, node: YamlNode | None, kind: str = LENGTH) -> Vector:
@@ -102,11 +117,18 @@ class QuantityReader:
         return tuple(shapes)
 
     def shape(self, node: YamlNode) -> Shape | None:
-        """The only shape among the keys of a mapping. If there is none or more than one, this is reported and the result is None."""
-        given = [key for key in node.value if key in _SHAPE_READERS and child_at(node, key) is not None]
+        """The only shape among the keys of a mapping.
+
+        If there is none or more than one, this is reported and the result is None.
+        """
+        given = [
+            key for key in node.value if key in _SHAPE_READERS and child_at(node, key) is not None
+        ]
         if len(given) != 1:
             said = "two shapes in one entry" if given else "an entry without a shape"
-            self.findings.add(node.where, "K005", said, f"give exactly one of: {', '.join(_SHAPE_READERS)}")
+            self.findings.add(
+                node.where, "K005", said, f"give exactly one of: {', '.join(_SHAPE_READERS)}"
+            )
             return None
         return _SHAPE_READERS[given[0]](self, node.value[given[0]][1])
 
@@ -140,7 +162,9 @@ def _read_sphere(read: QuantityReader, node: YamlNode) -> Shape:
 
 
 def _read_tube(read: QuantityReader, node: YamlNode) -> Shape:
-    return Tube(read.positive(required_child(node, "radius")), read.positive(required_child(node, "length")))
+    return Tube(
+        read.positive(required_child(node, "radius")), read.positive(required_child(node, "length"))
+    )
 
 
 def _read_cylinder(read: QuantityReader, node: YamlNode) -> Shape:
@@ -157,7 +181,9 @@ def _read_box(read: QuantityReader, node: YamlNode) -> Shape:
 def _read_ring(read: QuantityReader, node: YamlNode) -> Shape:
     radius, inner = (read.positive(required_child(node, key)) for key in ("radius", "inner"))
     if inner >= radius > 0:
-        read.findings.add(node.where, "K702", "the bore is as wide as the ring", "give it a smaller `inner`")
+        read.findings.add(
+            node.where, "K702", "the bore is as wide as the ring", "give it a smaller `inner`"
+        )
     return Ring(radius, inner, read.positive(required_child(node, "length")))
 
 
@@ -182,7 +208,8 @@ def _read_plate(read: QuantityReader, node: YamlNode) -> Shape:
 
 def _read_polyhedron(read: QuantityReader, node: YamlNode) -> Shape:
     vertices = {
-        key: read.vector(value) for key, _, value in mapping_members(required_child(node, "vertices"))
+        key: read.vector(value)
+        for key, _, value in mapping_members(required_child(node, "vertices"))
     }
     faces = [
         Face(key, _known_vertices(read, value, vertices))
@@ -194,11 +221,15 @@ def _read_polyhedron(read: QuantityReader, node: YamlNode) -> Shape:
         if len(ends) == 2:
             edges.append(Edge(key, (ends[0], ends[1])))
     listed = child_at(node, "pieces")
-    pieces = tuple(_known_vertices(read, piece, vertices) for piece in (listed.value if listed else []))
+    pieces = tuple(
+        _known_vertices(read, piece, vertices) for piece in (listed.value if listed else [])
+    )
     return Polyhedron(vertices, tuple(faces), tuple(edges), pieces, node.where)
 
 
-def _known_vertices(read: QuantityReader, node: YamlNode, vertices: dict[str, Vector]) -> tuple[str, ...]:
+def _known_vertices(
+    read: QuantityReader, node: YamlNode, vertices: dict[str, Vector]
+) -> tuple[str, ...]:
     """The vertex names in a list. Unknown names are reported and left out."""
     from cellwright.kb.diagnostics import unknown_name
 
@@ -222,7 +253,9 @@ def _read_mesh(read: QuantityReader, node: YamlNode) -> Shape:
         )
     elif path.suffix.lower() not in MESH_SUFFIXES:
         hint = f"convert it to one of: {', '.join(MESH_SUFFIXES)}"
-        read.findings.add(file.where, "K702", f"'{path.suffix}' is not a supported mesh format", hint)
+        read.findings.add(
+            file.where, "K702", f"'{path.suffix}' is not a supported mesh format", hint
+        )
     if scale is None:
         return Mesh(str(path), where=file.where)
     x, y, z = (
@@ -232,7 +265,10 @@ def _read_mesh(read: QuantityReader, node: YamlNode) -> Shape:
     )
     if not all(abs(factor) >= MIN_SHAPE_SCALE for factor in (x, y, z)):
         read.findings.add(
-            scale.where, "K702", "a scale of 0 leaves no volume", "write 1, or 0.001 for millimetres"
+            scale.where,
+            "K702",
+            "a scale of 0 leaves no volume",
+            "write 1, or 0.001 for millimetres",
         )
     return Mesh(str(path), (x, y, z), file.where)
 
@@ -253,7 +289,8 @@ def _point_set(read: QuantityReader, node: YamlNode) -> Shape:
     if not points.value:
         read.findings.add(points.where, "K702", "the point set is empty", "remove it")
     return PointSet(
-        tuple(read.vector(item) for item in points.value), read.positive(required_child(node, "radius"))
+        tuple(read.vector(item) for item in points.value),
+        read.positive(required_child(node, "radius")),
     )
 
 

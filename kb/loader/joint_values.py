@@ -13,7 +13,10 @@ from cellwright.kb.model.cell_model import Cell, JointKind
 def read_configuration(
     text: str, cell: Cell, option: str = "--configuration"
 ) -> tuple[str, tuple[float, ...]]:
-    """The arm, and its joint values in rad or m; bare numbers count degrees or metres. Raises `InvalidInput`."""
+    """The arm, and its joint values in rad or m; bare numbers count degrees or metres.
+
+    Raises `InvalidInput`.
+    """
     findings, file = LoadFindings(), File.of(option, text)
     name, colon, listed = text.rpartition(":")
     arm = name.strip() or next(iter(cell.arms), "")
@@ -22,7 +25,9 @@ def read_configuration(
     joints, parts = cell.arms[arm].arm.joints, listed.split(",")
     if len(parts) != len(joints):
         hint = f"{arm} has {len(joints)} joints"
-        raise InvalidInput([Diagnostic(file.at(0), "K707", f"there are {len(parts)} joint values", hint)])
+        raise InvalidInput(
+            [Diagnostic(file.at(0), "K707", f"there are {len(parts)} joint values", hint)]
+        )
     read, values, start = QuantityReader(findings, Path()), [], len(text) - len(listed)
     for joint, part in zip(joints, parts, strict=True):
         at = start + len(part) - len(part.lstrip())
@@ -38,5 +43,8 @@ def _ask_for_arm(arm: str, cell: Cell, file: File) -> Diagnostic:
         return unknown_name("arm", arm, cell.arms, file.at(0))
     hint = f"write one of: {', '.join(f'{name}: ...' for name in cell.arms)}" if cell.arms else ""
     return Diagnostic(
-        file.at(0), "K005", "the arm for these joint values is not given", hint or "the cell has no arms"
+        file.at(0),
+        "K005",
+        "the arm for these joint values is not given",
+        hint or "the cell has no arms",
     )

@@ -77,7 +77,10 @@ def load_domain(target: str) -> Domain:
 
 
 def with_goals(domain: Domain, goals: str, problem: Problem | None = None) -> Problem:
-    """A problem of `domain` (or `problem` itself) with goals written as in a problem file. Raises `InvalidInput`."""
+    """A problem of `domain` (or `problem` itself) with goals written as in a problem file.
+
+    Raises `InvalidInput`.
+    """
     findings = LoadFindings()
     node = YamlNode(goals, File.of("--goals", goals), 0, len(goals))
     base = problem or Problem("goals", domain)

@@ -9,7 +9,13 @@ from cellwright.kb.loader.reader import Expression, Reader
 from cellwright.kb.loader.symbol_table import SymbolTable
 from cellwright.kb.loader.variable_types import Typing
 from cellwright.kb.model.conditions import And, Comparison, Condition, ForAll, Not, Or, literals_in
-from cellwright.kb.model.domain_model import DISTANCE_TERM, NUMERIC_TYPES, OBJECT_TYPE, Effect, Quantity
+from cellwright.kb.model.domain_model import (
+    DISTANCE_TERM,
+    NUMERIC_TYPES,
+    OBJECT_TYPE,
+    Effect,
+    Quantity,
+)
 from cellwright.kb.model.name_conventions import CONVENTION_BY_NAME
 from cellwright.kb.model.operator_amounts import asks_number
 from cellwright.kb.model.quantity_fluents import (
@@ -31,7 +37,9 @@ UNDECLARED = (
 
 @dataclass(frozen=True, slots=True)
 class NumericExpression:
-    """A duration or cost of an operator: what is wrong with it goes to the findings, what it says of types to the typing."""
+    """A duration or cost of an operator: what is wrong with it goes to the findings, what it
+    says of types to the typing.
+    """
 
     names: SymbolTable
     typing: Typing
@@ -62,7 +70,9 @@ class NumericExpression:
                 types = declared.arguments if declared else (OBJECT_TYPE, OBJECT_TYPE)
                 for argument, expected in zip(arguments, types, strict=False):
                     self.typing.term(argument, expected, self.expression, term)
-            case Function(known, (_, _)) if known in UNDECLARED and known not in self.names.functions:
+            case Function(known, (_, _)) if (
+                known in UNDECLARED and known not in self.names.functions
+            ):
                 hint = "declare `motion:` with a speed, or the static travel(place, place, time)"
                 message = f"no motion is declared, so '{known}' is not known"
                 self.names.findings.add(self.expression.place(term), "K101", message, hint)
@@ -96,17 +106,30 @@ def with_values(expression: Expression, names: SymbolTable) -> Expression:
 def refuse_quantity(atom: Atom, expression: Expression, names: SymbolTable) -> None:
     """Report a quantity that stands as a fact with its value."""
     if atom.name in names.quantities:
-        said = f"{atom.name}({', '.join(map(str, atom.arguments[:-1]))})" if atom.arguments[1:] else atom.name
-        message = f"'{atom.name}' is a quantity: its value is compared, and changed by increase, decrease and assign"
-        names.findings.add(expression.place(atom), "K108", message, f"write a comparison: {said} >= 1")
+        said = (
+            f"{atom.name}({', '.join(map(str, atom.arguments[:-1]))})"
+            if atom.arguments[1:]
+            else atom.name
+        )
+        message = (
+            f"'{atom.name}' is a quantity: its value is compared, and changed by increase, "
+            "decrease and assign"
+        )
+        names.findings.add(
+            expression.place(atom), "K108", message, f"write a comparison: {said} >= 1"
+        )
 
 
-def _with_quantity_values(condition: Condition, known: Mapping[str, Quantity], fresh: Fresh) -> Condition:
+def _with_quantity_values(
+    condition: Condition, known: Mapping[str, Quantity], fresh: Fresh
+) -> Condition:
     match condition:
         case Comparison():
             return compare_quantities(condition, known, fresh)
         case And(parts) | Or(parts):
-            return type(condition)(tuple(_with_quantity_values(part, known, fresh) for part in parts))
+            return type(condition)(
+                tuple(_with_quantity_values(part, known, fresh) for part in parts)
+            )
         case Not(part):
             return Not(_with_quantity_values(part, known, fresh))
         case ForAll(parameters, part):
@@ -137,7 +160,9 @@ class QuantityChanges:
         if name not in self.names.broken:
             known = ", ".join(self.names.quantities) or "none is declared under `quantities:`"
             place = expression.node.where
-            self.names.findings.add(place, "K101", f"'{name}' is no quantity", f"quantities: {known}")
+            self.names.findings.add(
+                place, "K101", f"'{name}' is no quantity", f"quantities: {known}"
+            )
         return False
 
     def _refuse_twice(self) -> None:
@@ -197,11 +222,17 @@ class QuantityChanges:
         """The end of each old value, and the new one."""
         for kind, quantity, amount in self.found:
             values, new = self._new(kind, quantity.value, amount.value)
-            yield from value_change(quantity.value, new, values, self._bounds(quantity.value), self._fresh)
+            yield from value_change(
+                quantity.value, new, values, self._bounds(quantity.value), self._fresh
+            )
 
-    def _new(self, kind: str, quantity: Function, amount: Term) -> tuple[dict[Function, Variable], Term]:
+    def _new(
+        self, kind: str, quantity: Function, amount: Term
+    ) -> tuple[dict[Function, Variable], Term]:
         """The variables for the quantities that a change reads, and the value after it."""
         values: dict[Function, Variable] = {}
         old = replace_quantities(quantity, self.names.quantities, values, self._fresh)
         by = replace_quantities(amount, self.names.quantities, values, self._fresh)
-        return values, by if kind == "assign" else Operation("+" if kind == "increase" else "-", old, by)
+        return values, by if kind == "assign" else Operation(
+            "+" if kind == "increase" else "-", old, by
+        )

@@ -8,8 +8,17 @@ from cellwright.kb.loader.geometry_values import child_at
 from cellwright.kb.loader.numeric_expressions import NumericExpression, refuse_quantity, with_values
 from cellwright.kb.loader.reader import Expression, Reader
 from cellwright.kb.loader.symbol_table import CHANGEABLE_KINDS, CONDITION_KINDS, SymbolTable
-from cellwright.kb.loader.variable_types import Typing, refuse_anything, refuse_unbound, scope_conditions
-from cellwright.kb.model.condition_forms import enumerable_parameters, free_variables, variables_bound_by
+from cellwright.kb.loader.variable_types import (
+    Typing,
+    refuse_anything,
+    refuse_unbound,
+    scope_conditions,
+)
+from cellwright.kb.model.condition_forms import (
+    enumerable_parameters,
+    free_variables,
+    variables_bound_by,
+)
 from cellwright.kb.model.conditions import And, Condition, Parameter
 from cellwright.kb.model.domain_model import Command, Effect, Kind, Look, Measure
 from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Term, Variable, term_variables
@@ -28,9 +37,12 @@ class MeasureReader:
     def __init__(self, reader: Reader, names: SymbolTable, path: tuple[str, ...]) -> None:
         self.reader, self.names, self.path = reader, names, (*path, "command", "measures")
         expressions = (
-            (name, reader.expression("term", *self.path, name)) for name in (*MEASURE_TERMS, *MEASURE_NUMBERS)
+            (name, reader.expression("term", *self.path, name))
+            for name in (*MEASURE_TERMS, *MEASURE_NUMBERS)
         )
-        self.given = {name: expression for name, expression in expressions if expression is not None}
+        self.given = {
+            name: expression for name, expression in expressions if expression is not None
+        }
 
     def infer(self, typing: Typing) -> None:
         """What its numbers say of the types of variables."""
@@ -40,8 +52,13 @@ class MeasureReader:
                     self.names, typing, name, type_, expression, signed=name in SIGNED_NUMBERS
                 ).check()
 
-    def read(self, operator: str, header: Collection[Variable], reply: Term | None) -> Measure | None:
-        """What is measured; None if nothing is, or if it cannot be read. What is wrong with it goes to the findings."""
+    def read(
+        self, operator: str, header: Collection[Variable], reply: Term | None
+    ) -> Measure | None:
+        """What is measured; None if nothing is, or if it cannot be read.
+
+        What is wrong with it goes to the findings.
+        """
         if "of" not in self.given or "value" not in self.given:
             return None
         heard = [*term_variables(reply)] if reply is not None else []
@@ -50,7 +67,9 @@ class MeasureReader:
         value = self.given["value"].value
         if not isinstance(value, Variable):
             return None
-        terms = {name: expression.value for name, expression in self.given.items() if name != "value"}
+        terms = {
+            name: expression.value for name, expression in self.given.items() if name != "value"
+        }
         return Measure(
             value=value,
             unit=self.reader.text(*self.path, "unit"),
@@ -71,7 +90,9 @@ class MeasureReader:
         for name, expression in self.given.items():
             for variable in term_variables(expression.value) if name != "value" else ():
                 if variable not in header:
-                    hint = nearest_hint(str(variable), [*map(str, header)]) or "add it to the header"
+                    hint = (
+                        nearest_hint(str(variable), [*map(str, header)]) or "add it to the header"
+                    )
                     message = f"the variable {variable} is not in the header"
                     self.names.findings.add(expression.place(variable), "K105", message, hint)
 
@@ -85,19 +106,36 @@ class MeasureReader:
 
 def _contradicting_limits(given: dict[str, Expression]) -> Iterator[tuple[Expression, str, str]]:
     """What contradicts itself in the limits of a measurement, where, and what to try."""
-    tolerance, limits = given.get("tolerance"), [given[key] for key in ("lower", "upper") if key in given]
+    tolerance, limits = (
+        given.get("tolerance"),
+        [given[key] for key in ("lower", "upper") if key in given],
+    )
     if tolerance is not None and limits:
-        yield tolerance, "both a tolerance and limits are given", "keep the tolerance, or `lower` and `upper`"
+        yield (
+            tolerance,
+            "both a tolerance and limits are given",
+            "keep the tolerance, or `lower` and `upper`",
+        )
     if tolerance is not None and "nominal" not in given:
-        yield tolerance, "a tolerance without a nominal value", "add `nominal`, or give `lower` and `upper`"
+        yield (
+            tolerance,
+            "a tolerance without a nominal value",
+            "add `nominal`, or give `lower` and `upper`",
+        )
     if tolerance is not None and tolerance.value == Number(0):
         yield tolerance, "nothing passes a tolerance of 0", "give how wide the zone is"
     values = [limit.value.value for limit in limits if isinstance(limit.value, Number)]
     if len(values) == 2 and values[0] > values[1]:
-        yield limits[0], f"the lower limit {values[0]} is above the upper limit {values[1]}", "exchange them"
+        yield (
+            limits[0],
+            f"the lower limit {values[0]} is above the upper limit {values[1]}",
+            "exchange them",
+        )
 
 
-def _contradicting_uncertainty(given: dict[str, Expression]) -> Iterator[tuple[Expression, str, str]]:
+def _contradicting_uncertainty(
+    given: dict[str, Expression],
+) -> Iterator[tuple[Expression, str, str]]:
     """What contradicts itself in what is said of the uncertainty of a measurement."""
     if "uncertainty" not in given:
         for name in ("risk", "worth"):
@@ -122,7 +160,9 @@ class DeviceReader:
     header: Expression
 
     def command(self, measures: MeasureReader) -> Command | None:
-        """The command with what it measures; None if there is none. What is wrong with it goes to the findings."""
+        """The command with what it measures; None if there is none. What is wrong with it goes
+        to the findings.
+        """
         stream, reply, result = (self._term(name) for name in ("stream", "reply", "result"))
         if stream is None:
             return None
@@ -145,17 +185,23 @@ class DeviceReader:
         for variable in term_variables(expression.value):
             if variable not in known:
                 message = f"the variable {variable} is neither in the header nor in the reply"
-                hint = nearest_hint(str(variable), [str(known_variable) for known_variable in known])
+                hint = nearest_hint(
+                    str(variable), [str(known_variable) for known_variable in known]
+                )
                 hint = hint or "let the reply bind it: `reply: value(Val)`"
                 self.names.findings.add(expression.place(variable), "K105", message, hint)
 
     def looks(self, typing: Typing) -> Iterator[Look]:
-        """What is looked at when a step is carried out: each entry is one fact that its arguments determine."""
+        """What is looked at when a step is carried out: each entry is one fact that its
+        arguments determine.
+        """
         for index, node in enumerate(self.reader.items(*self.path, "online")):
             said = self.reader.expression("atoms", *self.path, "online", index, "fact")
             if said is None:
                 continue
-            strangers = [v for v in term_variables(said.value[0]) if v not in self.header.value.arguments]
+            strangers = [
+                v for v in term_variables(said.value[0]) if v not in self.header.value.arguments
+            ]
             if strangers or len(said.value) > 1:
                 message = f"`online` looks at one fact about the variables of {self.header.value}"
                 hint = "write an entry for each fact"
@@ -170,7 +216,10 @@ EFFECT_CHANGES: dict[str, tuple[Kind, ...]] = {"adds": CHANGEABLE_KINDS, "delete
 
 
 def infer_changed(typing: Typing, expression: Expression, name: str, names: SymbolTable) -> None:
-    """Narrow the types of variables by what is changed under `name`. A quantity there is reported."""
+    """Narrow the types of variables by what is changed under `name`.
+
+    A quantity there is reported.
+    """
     for atom in expression.value:
         typing.atom(atom, expression, EFFECT_CHANGES[name])
         refuse_quantity(atom, expression, names)
@@ -192,7 +241,9 @@ class ConditionalEffects:
             yield from added.value if added else ()
 
     def infer(self, typing: Typing) -> None:
-        """Narrow the types of the header's variables by the events that are added, where nothing else does."""
+        """Narrow the types of the header's variables by the events that are added, where
+        nothing else does.
+        """
         for atom in self.added():
             predicate = self.names.predicates.get(atom.name)
             if predicate is not None and predicate.kind is Kind.EVENT:

@@ -23,7 +23,11 @@ from cellwright.kb.loader.variable_types import (
     scope_conditions,
     warn_singletons,
 )
-from cellwright.kb.model.condition_forms import enumerable_parameters, free_variables, variables_bound_by
+from cellwright.kb.model.condition_forms import (
+    enumerable_parameters,
+    free_variables,
+    variables_bound_by,
+)
 from cellwright.kb.model.conditions import And, Condition, Parameter, goal_parts
 from cellwright.kb.model.domain_model import Effect, Kind, Operator
 from cellwright.kb.terms import ANYTHING, Function, Term, Variable, term_variables
@@ -45,13 +49,19 @@ def read_operators(reader: Reader, names: SymbolTable) -> tuple[Operator, ...]:
 
 
 def _warn_of_lone_resources(names: SymbolTable, operators: Iterable[Operator]) -> None:
-    """Warn of a resource that is not an object and that only one operator holds: it may be misspelt."""
+    """Warn of a resource that is not an object and that only one operator holds: it may be
+    misspelt.
+    """
     holders: dict[str, list[Operator]] = {}
     for operator in operators:
-        for name in {r.name for r in operator.resources if isinstance(r, Function) and not r.arguments}:
+        for name in {
+            r.name for r in operator.resources if isinstance(r, Function) and not r.arguments
+        }:
             holders.setdefault(name, []).append(operator)
     for name, held_by in holders.items():
-        hint = nearest_hint(name, [*names.objects, *(holder for holder in holders if holder != name)])
+        hint = nearest_hint(
+            name, [*names.objects, *(holder for holder in holders if holder != name)]
+        )
         if name not in names.objects and len(held_by) == 1 and hint:
             message = f"only {held_by[0].name} holds '{name}', which is not an object"
             names.findings.add(held_by[0].where, "K101", message, hint, warning=True)
@@ -76,7 +86,9 @@ class _OperatorReader:
             if self.fields[name] is None and self.reader.text(*self.path, name):
                 self.typing.sound = False
         if expression := self.fields["preconditions"]:
-            scope = scope_conditions(with_values(expression, self.names), self.header.value.arguments)
+            scope = scope_conditions(
+                with_values(expression, self.names), self.header.value.arguments
+            )
             self.fields["preconditions"] = scope
         self._infer()
         self._refuse_strangers()
@@ -115,7 +127,8 @@ class _OperatorReader:
         if not self.typing.sound:
             return
         standing = [
-            getattr(operator, name) for name in ("precondition", "body", "resources", "duration", "cost")
+            getattr(operator, name)
+            for name in ("precondition", "body", "resources", "duration", "cost")
         ]
         effects = [part for effect in operator.effects for part in (effect.atom, effect.condition)]
         command = operator.command
@@ -124,7 +137,12 @@ class _OperatorReader:
         said += [look.fact for look in operator.online]
         counted = count_occurrences([self.header.value, *standing, *effects, *said])
         if where := self.fields["where"]:
-            inner = [v for part in where.value for v in free_variables(part) if v not in operator.variables]
+            inner = [
+                v
+                for part in where.value
+                for v in free_variables(part)
+                if v not in operator.variables
+            ]
             warn_singletons(inner, counted, where, self.names)
         advice = "leave it out, or call it '_{}' if it is meant"
         warn_singletons(operator.variables, counted, self.header, self.names, advice)
@@ -157,9 +175,14 @@ class _OperatorReader:
         header = self.header.value.arguments
         for variable in header:
             if header.count(variable) > 1 or variable == ANYTHING:
-                message = f"the variable {variable} cannot be used {'twice' if variable != ANYTHING else ''}".rstrip()
+                message = (
+                    f"the variable {variable} cannot be used "
+                    f"{'twice' if variable != ANYTHING else ''}"
+                ).rstrip()
                 hint = "each variable of a header needs a different name"
-                self.names.findings.add(self.header.place(variable), "K104", f"{message} in a header", hint)
+                self.names.findings.add(
+                    self.header.place(variable), "K104", f"{message} in a header", hint
+                )
 
     def _refuse_strangers(self) -> None:
         """Report variables that occur outside `where:` but not in the header."""
@@ -168,7 +191,9 @@ class _OperatorReader:
             if expression := self.fields[name]:
                 for variable in dict.fromkeys(free_in(expression.value)):
                     if variable not in known:
-                        hint = nearest_hint(str(variable), [str(known_variable) for known_variable in known])
+                        hint = nearest_hint(
+                            str(variable), [str(known_variable) for known_variable in known]
+                        )
                         hint = hint or f"add it to the header {self.header.value}"
                         message = f"the variable {variable} is not in the header"
                         self.names.findings.add(expression.place(variable), "K105", message, hint)
@@ -188,14 +213,18 @@ class _OperatorReader:
                 self.typing.sound = False
 
     def _refuse_unbound(self, parameters: tuple[Parameter, ...]) -> None:
-        """Report numbers, times and texts without a value, and unbound variables that only occur in `where:`."""
+        """Report numbers, times and texts without a value, and unbound variables that only
+        occur in `where:`.
+        """
         body, precondition = self._value("where", ()), self._value("preconditions", ())
         events = [
             atom
             for atom in (*self._value("adds", ()), *self.conditional.added())
             if (predicate := self.names.predicates.get(atom.name)) and predicate.kind is Kind.EVENT
         ]
-        given = enumerable_parameters(parameters) | {v for atom in events for v in term_variables(atom)}
+        given = enumerable_parameters(parameters) | {
+            v for atom in events for v in term_variables(atom)
+        }
         bound = variables_bound_by(given, (*body, *precondition))
         typed = [v for v in self.header.value.arguments if self.typing.type_of(v) is not None]
         refuse_unbound(typed, bound, self.header, self.names, _UNBOUND_HINT)
@@ -227,12 +256,19 @@ _OPERATOR_FIELDS = {
 
 _OUTSIDE_WHERE = ("preconditions", "adds", "deletes", "resources", "duration", "cost")
 _UNBOUND_HINT = "read it from a static in `where:`, or add an event whose workflow stage names it"
-_CONDITIONS: dict[str, tuple[Kind, ...]] = {"where": (Kind.STATIC,), "preconditions": CONDITION_KINDS}
+_CONDITIONS: dict[str, tuple[Kind, ...]] = {
+    "where": (Kind.STATIC,),
+    "preconditions": CONDITION_KINDS,
+}
 _NUMBERS = {"duration": "time", "cost": "int"}
 
 
 def narrow_types(
-    reader: Reader, names: SymbolTable, typing: Typing, path: tuple[str | int, ...], known: Iterable[Variable]
+    reader: Reader,
+    names: SymbolTable,
+    typing: Typing,
+    path: tuple[str | int, ...],
+    known: Iterable[Variable],
 ) -> None:
     """Apply the `types:` of an entry. Its variables are `known`."""
     variables_ = [str(variable) for variable in known]

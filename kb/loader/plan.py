@@ -25,12 +25,16 @@ MAX_VALUES = 25_000_000
 
 
 def load_plan(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Plan]:
-    """The problem and the plan in a plan file. Raises `InvalidInput` with all errors in its form."""
+    """The problem and the plan in a plan file.
+
+    Raises `InvalidInput` with all errors in its form.
+    """
     return load_claimed(path, rewrite)[:2]
 
 
 def load_claimed(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Plan, Claims]:
-    """The problem and the plan in a plan file, and what else it claims. `rewrite` may give another text for its domain.
+    """The problem and the plan in a plan file, and what else it claims. `rewrite` may give another
+    text for its domain.
 
     Raises `InvalidInput` with all errors in its form.
     """
@@ -44,14 +48,19 @@ def load_claimed(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Pl
     domain, names = read_domain(domain_file_of(inner), findings, rewrite)
     problem = read_problem(inner, domain, names, findings)
     plan_reader = Reader(entry, findings, domain.time_unit)
-    plan = Plan(tuple(_read_steps(plan_reader, amounts_of(problem))), tuple(_read_links(plan_reader)))
+    plan = Plan(
+        tuple(_read_steps(plan_reader, amounts_of(problem))), tuple(_read_links(plan_reader))
+    )
     claims = _read_claims(plan_reader, reader.root.descend(("data", "makespan")))
     require_valid(findings)
     return problem, plan, claims
 
 
 def _require_plan(reader: Reader) -> None:
-    """Report an answer without a plan, or another kind of file, with one message. Raises `InvalidInput`."""
+    """Report an answer without a plan, or another kind of file, with one message.
+
+    Raises `InvalidInput`.
+    """
     node = reader.root.descend(("data", "plan"))
     if isinstance(node.value, dict) and "steps" in node.value:
         return
@@ -82,9 +91,13 @@ def _read_step(reader: Reader, node: YamlNode, amounts: Amounts) -> Step:
 
 
 def _read_claims(reader: Reader, answered: YamlNode) -> Claims:
-    """The starts of steps, the sums and the histories that a file has, and what is `answered` about its makespan."""
+    """The starts of steps, the sums and the histories that a file has, and what is `answered`
+    about its makespan.
+    """
     starts = {
-        StepId(_whole_number(reader, node.descend(("id",)))): _whole_number(reader, node.value["start"][1])
+        StepId(_whole_number(reader, node.descend(("id",)))): _whole_number(
+            reader, node.value["start"][1]
+        )
         for node in reader.items("steps")
         if "start" in node.value
     }
@@ -94,7 +107,8 @@ def _read_claims(reader: Reader, answered: YamlNode) -> Claims:
     )
     said = answered.value if isinstance(answered.value, dict) else {}
     told, bound = (
-        _whole_number(reader, said[name][1]) if name in said else None for name in ("makespan", "lower_bound")
+        _whole_number(reader, said[name][1]) if name in said else None
+        for name in ("makespan", "lower_bound")
     )
     return Claims(starts, cost, makespan, tuple(_read_history(reader)), told, bound)
 
@@ -156,7 +170,9 @@ def _ground_term_at(reader: Reader, node: YamlNode) -> Function:
     try:
         term = ground_term(node.value)
     except AspError as error:
-        reader.findings.add(node.where, "K402", f"'{node.value}' is not a ground term: {error}", _TERM_HINT)
+        reader.findings.add(
+            node.where, "K402", f"'{node.value}' is not a ground term: {error}", _TERM_HINT
+        )
         return Function("unreadable")
     if not isinstance(term, Function):
         reader.findings.add(

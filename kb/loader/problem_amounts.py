@@ -24,14 +24,19 @@ def amounts_of(problem: Problem, facts: Facts | None = None) -> Amounts:
     `facts` gives its static facts if they have been evaluated already.
     """
     return Amounts(
-        problem.domain, facts or _lazy_facts(problem), cell_points(problem.domain), problem.durations
+        problem.domain,
+        facts or _lazy_facts(problem),
+        cell_points(problem.domain),
+        problem.durations,
     )
 
 
 def cell_points(domain: Domain) -> Standing:
-    """The points of the places in the cell beside a domain, in micrometres, in the frame of its travel.
+    """The points of the places in the cell beside a domain, in micrometres, in the frame of its
+    travel.
 
-    The cell is read when a point is first asked for. Raises `InvalidInput` then for a bad cell or an unknown frame.
+    The cell is read when a point is first asked for. Raises `InvalidInput` then for a bad cell or
+    an unknown frame.
     """
     cell = cache(lambda: _cell_with_frame(domain))
 
@@ -57,21 +62,30 @@ def _lazy_facts(problem: Problem) -> Facts:
 
 
 def _cell_with_frame(domain: Domain) -> "tuple[Cell, str] | None":
-    """The cell beside a domain, and the frame of its travel; None if there is no cell. Raises `InvalidInput`."""
+    """The cell beside a domain, and the frame of its travel; None if there is no cell. Raises
+    `InvalidInput`.
+    """
     version = version_of_cell(domain)
     if version is None:
         return None
     from cellwright.kb.model.cell_model import WORLD_FRAME, is_fixed
 
-    frame, cell = domain.motion.frame if domain.motion else WORLD_FRAME, _load_cell_version(*version)
+    frame, cell = (
+        domain.motion.frame if domain.motion else WORLD_FRAME,
+        _load_cell_version(*version),
+    )
     if domain.motion is not None and not is_fixed(cell, frame):
         fixed_names = [name for name in (*cell.frames, *cell.bodies) if is_fixed(cell, name)]
-        raise InvalidInput([unknown_name("frame", frame, [WORLD_FRAME, *fixed_names], domain.motion.where)])
+        raise InvalidInput(
+            [unknown_name("frame", frame, [WORLD_FRAME, *fixed_names], domain.motion.where)]
+        )
     return cell, frame
 
 
 def version_of_cell(domain: Domain) -> tuple[Path, int, int] | None:
-    """The file of the cell beside a domain, with the time of its last change and its size; None if there is none."""
+    """The file of the cell beside a domain, with the time of its last change and its size; None
+    if there is none.
+    """
     path = Path(domain.path).with_name(CELL_FILE) if domain.path else None
     if path is None or not is_file(path):
         return None
@@ -81,7 +95,9 @@ def version_of_cell(domain: Domain) -> tuple[Path, int, int] | None:
 
 @lru_cache(maxsize=4)
 def _load_cell_version(path: Path, _changed: int, _size: int) -> "Cell":
-    """The cell in a file; a program that plans piece by piece reads it once for each version of the file."""
+    """The cell in a file; a program that plans piece by piece reads it once for each version of
+    the file.
+    """
     from cellwright.kb.loader.cell import load_cell
 
     return load_cell(path)

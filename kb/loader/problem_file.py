@@ -34,7 +34,10 @@ from cellwright.kb.terms import (
 
 
 def apply_command(problem: Problem, reader: Reader) -> Problem:
-    """The problem with the goal and chains of its `command:`, if it has one. Errors are added to the findings."""
+    """The problem with the goal and chains of its `command:`, if it has one.
+
+    Errors are added to the findings.
+    """
     node = reader.root.value.get("command", (None, None))[1]
     if node is None or not isinstance(node.value, str) or not node.value:
         return problem
@@ -44,8 +47,10 @@ def apply_command(problem: Problem, reader: Reader) -> Problem:
             node.where, "K005", "a problem cannot have both a command and goals or a workflow", hint
         )
     if select_errors(reader.findings.diagnostics):
-        return problem  # while the domain or the objects have errors, the words cannot be understood
-    from cellwright.kb.commands import understand_command  # slow to import, and few problems have a command
+        # while the domain or the objects have errors, the words cannot be understood
+        return problem
+    # slow to import, and few problems have a command
+    from cellwright.kb.commands import understand_command
 
     try:
         return understand_command(problem, node.value, node.place)
@@ -82,7 +87,9 @@ def _earlier_chains(
     for title, node in reader.once(listed):
         if title not in groups:
             diagnostic = unknown_name("earlier workflow", title, groups, node.where)
-            names.findings.note(replace(diagnostic, hint=diagnostic.hint or "name an entry above this one"))
+            names.findings.note(
+                replace(diagnostic, hint=diagnostic.hint or "name an entry above this one")
+            )
         yield from groups.get(title, ())
 
 
@@ -115,9 +122,14 @@ def _variable_choices(reader: Reader, names: SymbolTable, index: int) -> dict[Va
             names.findings.add(key.where, "K112", f"'{variable[:60]}' is not a variable", hint)
         listed = list(reader.once(reader.names(node)))
         if not node.value:
-            message, hint = f"no object is listed for {variable}", "list some objects, or leave the entry out"
+            message, hint = (
+                f"no object is listed for {variable}",
+                "list some objects, or leave the entry out",
+            )
             names.findings.add(key.where, "K114", message, hint)
-        choices[Variable(variable)] = [name for name, item in listed if _is_object(name, item, names)]
+        choices[Variable(variable)] = [
+            name for name, item in listed if _is_object(name, item, names)
+        ]
     return choices
 
 
@@ -130,7 +142,9 @@ def _is_object(name: str, node: YamlNode, names: SymbolTable) -> bool:
 def _check_stages(stages: Expression, names: SymbolTable, bound: set[Variable]) -> None:
     typing = Typing(names)
     standing = {variable for atom in stages.value for variable in term_variables(atom)}
-    for atom, alone in ((part, part is stage) for stage in stages.value for part in stage_parts(stage)):
+    for atom, alone in (
+        (part, part is stage) for stage in stages.value for part in stage_parts(stage)
+    ):
         typing.atom(atom, stages, STAGE_KINDS)
         for variable in term_variables(atom):
             if variable != ANYTHING and variable not in bound:
@@ -188,7 +202,9 @@ def read_problem(
     return apply_command(problem, reader)
 
 
-def _read_facts(reader: Reader, names: SymbolTable, section: str, kinds: tuple[Kind, ...]) -> Iterator[Atom]:
+def _read_facts(
+    reader: Reader, names: SymbolTable, section: str, kinds: tuple[Kind, ...]
+) -> Iterator[Atom]:
     seen: set[Atom] = set()
     values: dict[Function, int] = {}
     for node in reader.items(section):
@@ -214,8 +230,13 @@ def _read_facts(reader: Reader, names: SymbolTable, section: str, kinds: tuple[K
                 yield atom
 
 
-def _note_value(atom: Atom, values: dict[Function, int], expression: Expression, names: SymbolTable) -> None:
-    """Note the value that a fact gives a quantity. A second one, and one out of range, are reported."""
+def _note_value(
+    atom: Atom, values: dict[Function, int], expression: Expression, names: SymbolTable
+) -> None:
+    """Note the value that a fact gives a quantity.
+
+    A second one, and one out of range, are reported.
+    """
     bounds = names.quantities.get(atom.name)
     if bounds is None or not atom.arguments or not isinstance(atom.arguments[-1], Number):
         return
@@ -240,7 +261,9 @@ def _read_durations(reader: Reader, domain: Domain, names: SymbolTable) -> dict[
             hint = f"{step.name} has {arity[step.name]} arguments, and all are names or numbers"
             names.findings.add(key.where, "K102", f"{step} is no step of {step.name}", hint)
         elif int(node.value) < 0:
-            names.findings.add(node.where, "K113", "a duration is less than 0", "write a number of 0 or more")
+            names.findings.add(
+                node.where, "K113", "a duration is less than 0", "write a number of 0 or more"
+            )
         else:
             durations[step] = int(node.value)
     return durations
@@ -269,6 +292,9 @@ def goal_condition(expression: Expression, names: SymbolTable) -> Condition:
     for variable in free_variables(condition):
         hint = "write '_' for some value, or `p(X) : q(X)` for all values"
         names.findings.add(
-            expression.place(variable), "K105", f"a goal cannot contain the variable {variable}", hint
+            expression.place(variable),
+            "K105",
+            f"a goal cannot contain the variable {variable}",
+            hint,
         )
     return typing.quantified(condition, expression)

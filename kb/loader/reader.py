@@ -1,4 +1,7 @@
-"""Reads one YAML file: its form by the schema, and the expressions in it. Every finding is collected with its place."""
+"""Reads one YAML file: its form by the schema, and the expressions in it.
+
+Every finding is collected with its place.
+"""
 
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -23,7 +26,9 @@ class LoadFindings:
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
-    def add(self, where: Source, code: str, message: str, hint: str = "", warning: bool = False) -> None:
+    def add(
+        self, where: Source, code: str, message: str, hint: str = "", warning: bool = False
+    ) -> None:
         """Add one finding."""
         self.note(Diagnostic(where, code, message, hint, warning))
 
@@ -61,16 +66,24 @@ class Reader:
 
     @classmethod
     def of(cls, file: File, findings: LoadFindings, most: int = MAX_NODES) -> "Reader":
-        """A reader of a YAML file with at most so many values. Raises `InvalidInput` if the file contains no tree."""
+        """A reader of a YAML file with at most so many values.
+
+        Raises `InvalidInput` if the file contains no tree.
+        """
         root, diagnostics = read_tree(file, most)
         findings.diagnostics.extend(diagnostics)
         return cls(root, findings)
 
     def expression(self, start: str, *path: str | int) -> Expression | None:
-        """The expression at `path`. None if there is none, or if it cannot be parsed, which is reported."""
+        """The expression at `path`.
+
+        None if there is none, or if it cannot be parsed, which is reported.
+        """
         node = self.root
         for part in path:
-            if isinstance(node.value, str) or (isinstance(node.value, dict) and part not in node.value):
+            if isinstance(node.value, str) or (
+                isinstance(node.value, dict) and part not in node.value
+            ):
                 return None
             node = node.descend((part,))
         return self.parse(start, node)
@@ -122,11 +135,18 @@ class Reader:
         return True
 
     def names(self, node: YamlNode) -> list[tuple[str, YamlNode]]:
-        """The names in a list node, each with its node. Ranges such as `depot_1..4` give all their names."""
+        """The names in a list node, each with its node.
+
+        Ranges such as `depot_1..4` give all their names.
+        """
         names: list[tuple[str, YamlNode]] = []
         for item in node.value if isinstance(node.value, list) else []:
             if isinstance(item.value, str):
-                names += [(name, item) for name in self._expand(item.value, item) if self.is_name(name, item)]
+                names += [
+                    (name, item)
+                    for name in self._expand(item.value, item)
+                    if self.is_name(name, item)
+                ]
         return names
 
     def once(self, named: Iterable[tuple[str, YamlNode]]) -> Iterator[tuple[str, YamlNode]]:
@@ -144,7 +164,9 @@ class Reader:
         """Whether users may use this name. If not, this is reported."""
         if name == "not" or name.startswith("_"):
             hint = (
-                "names that begin with '_' belong to the engine" if name != "not" else "choose another name"
+                "names that begin with '_' belong to the engine"
+                if name != "not"
+                else "choose another name"
             )
             self.findings.add(node.where, "K112", f"'{name}' is reserved", hint)
             return False
@@ -160,7 +182,9 @@ class Reader:
             self.named += 1
             return [text]
         if max(len(range_[2]), len(range_[4])) > 9:
-            self.findings.add(node.where, "K007", "a range of more than nine digits", "count from 1")
+            self.findings.add(
+                node.where, "K007", "a range of more than nine digits", "count from 1"
+            )
             return []
         first, last = int(range_[2]), int(range_[4])
         if last < first:
@@ -171,14 +195,19 @@ class Reader:
         self.named += last - first + 1
         if self.named > MAX_OBJECTS:
             hint = "describe the cell with fewer names: no planner can handle so many"
-            self.findings.add(node.where, "K007", f"more than {MAX_OBJECTS} names in one file", hint)
+            self.findings.add(
+                node.where, "K007", f"more than {MAX_OBJECTS} names in one file", hint
+            )
             return []
         width = len(range_[2]) if range_[2].startswith("0") else 0
         return [f"{range_[1]}{number:0{width}d}" for number in range(first, last + 1)]
 
 
 def _read_aggregate(text: str, offset: int) -> Statement:
-    """What an aggregate of an expression reads, as the constraint that forbids it. Raises `ExpressionError`."""
+    """What an aggregate of an expression reads, as the constraint that forbids it.
+
+    Raises `ExpressionError`.
+    """
     from cellwright.kb.asp import AspError
     from cellwright.kb.asp.statements import RefusedStatement, read_statements
 

@@ -23,9 +23,25 @@ from cellwright.kb.loader.geometry_values import (
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
 from cellwright.kb.loader.yaml_tree import YamlNode
 from cellwright.kb.model.cell_model import WORLD_FRAME, Cell, Placement
-from cellwright.kb.model.part_scene import DENSITY, INSET_M, CameraEntry, HandEntry, SaidRelation, Scene
+from cellwright.kb.model.part_scene import (
+    DENSITY,
+    INSET_M,
+    CameraEntry,
+    HandEntry,
+    SaidRelation,
+    Scene,
+)
 
-RELATION_KINDS = ("parallel", "against", "coplanar", "aligned", "fits", "concentric", "distance", "angle")
+RELATION_KINDS = (
+    "parallel",
+    "against",
+    "coplanar",
+    "aligned",
+    "fits",
+    "concentric",
+    "distance",
+    "angle",
+)
 MEASURED_RELATIONS = {"distance": LENGTH, "angle": ANGLE}
 T = TypeVar("T", CameraEntry, HandEntry)
 RELATION_TEXT = re.compile(r"\s*(\w+)\.([\w.]+)\s+(\w+)\s+(\w+)\.([\w.]+?)\s*(?:=\s*(.+?)\s*)?")
@@ -45,14 +61,19 @@ def load_scene(path: Path) -> Scene:
 
 
 def relation_of(cell: Cell, first: str, kind: str, second: str, value: float = 0.0) -> SaidRelation:
-    """A relation as a command line says it, its value in millimetres or degrees. Raises `InvalidInput`."""
+    """A relation as a command line says it, its value in millimetres or degrees.
+
+    Raises `InvalidInput`.
+    """
     findings, where = LoadFindings(), Source(f"{first} {kind} {second}")
     if kind not in RELATION_KINDS:
         findings.note(unknown_name("relation", kind, RELATION_KINDS, where))
     for name in (first, second):
         body, dot, feature = name.partition(".")
         if not dot or not feature:
-            findings.add(where, "K005", f"'{name[:60]}' is no feature", "write its body first: angle.heel")
+            findings.add(
+                where, "K005", f"'{name[:60]}' is no feature", "write its body first: angle.heel"
+            )
         elif body not in cell.bodies:
             findings.note(unknown_name("body", body, cell.bodies, where))
     require_valid(findings)
@@ -83,7 +104,9 @@ class _SceneReader:
         target, kept = child_at(root, "target"), child_at(root, "calibration")
         if target is not None:
             self._body(target.value, target)
-        inset, density, tolerance = (child_at(root, key) for key in ("inset", "density", "tolerance"))
+        inset, density, tolerance = (
+            child_at(root, key) for key in ("inset", "density", "tolerance")
+        )
         return Scene(
             self.reader.text("scene"),
             self.cell,
@@ -102,13 +125,17 @@ class _SceneReader:
     def _placement(self, node: YamlNode | None) -> Placement:
         parent = child_at(node, "in")
         if parent is not None and parent.value not in self._frames():
-            self.read.findings.note(unknown_name("frame", parent.value, self._frames(), parent.where))
+            self.read.findings.note(
+                unknown_name("frame", parent.value, self._frames(), parent.where)
+            )
         return Placement(parent.value if parent else WORLD_FRAME, self.read.pose(node))
 
     def _frames(self) -> list[str]:
         own = [f"{name}.{part}" for name in self.cell.arms for part in ("base", "flange", "tool")]
         features = [
-            f"{name}.{feature}" for name, body in self.cell.bodies.items() for feature in body.features
+            f"{name}.{feature}"
+            for name, body in self.cell.bodies.items()
+            for feature in body.features
         ]
         return [WORLD_FRAME, *self.cell.frames, *self.cell.bodies, *own, *features]
 
@@ -120,7 +147,9 @@ class _SceneReader:
         match = RELATION_TEXT.fullmatch(str(node.value))
         if match is None:
             hint = "write: bracket.bottom against base.top, or: lid.rim distance base.top = 5 mm"
-            self.read.findings.add(node.where, "K005", f"'{str(node.value)[:60]}' is not a relation", hint)
+            self.read.findings.add(
+                node.where, "K005", f"'{str(node.value)[:60]}' is not a relation", hint
+            )
             return None
         first, one, kind, second, other, value = match.groups()
         if kind not in RELATION_KINDS:
@@ -134,7 +163,9 @@ class _SceneReader:
             self.read.findings.add(node.where, "K005", message, hint)
             return None
         number = (
-            self.read.number(YamlNode(value, node.file, node.start, node.end), MEASURED_RELATIONS[kind])
+            self.read.number(
+                YamlNode(value, node.file, node.start, node.end), MEASURED_RELATIONS[kind]
+            )
             if value
             else 0.0
         )
@@ -146,7 +177,9 @@ class _SceneReader:
             for key, value in _given_nodes(node, "view", "distance", "noise")
         }
         counts = {key: int(value.value) for key, value in _given_nodes(node, "width", "height")}
-        shares = {key: self.read.number(value, FACTOR) for key, value in _given_nodes(node, "dropouts")}
+        shares = {
+            key: self.read.number(value, FACTOR) for key, value in _given_nodes(node, "dropouts")
+        }
         return _entry_with(CameraEntry(self._placement(node)), {**lengths, **counts, **shares})
 
     def _hand(self, node: YamlNode) -> HandEntry:
@@ -154,18 +187,32 @@ class _SceneReader:
         if arm.value not in self.cell.arms:
             self.read.findings.note(unknown_name("arm", arm.value, self.cell.arms, arm.where))
         keys = ("opening", "pad", "finger", "thick")
-        lengths = {f"{key}_m": self.read.positive(value) for key, value in _given_nodes(node, *keys)}
+        lengths = {
+            f"{key}_m": self.read.positive(value) for key, value in _given_nodes(node, *keys)
+        }
         sizes = {
             f"{key}_m": tuple(self.read.positive(item) for item in value.value)
             for key, value in _given_nodes(node, "cross", "sensor")
         }
-        friction = {key: self.read.number(value, FACTOR) for key, value in _given_nodes(node, "friction")}
+        friction = {
+            key: self.read.number(value, FACTOR) for key, value in _given_nodes(node, "friction")
+        }
         fingers = {key: int(value.value) for key, value in _given_nodes(node, "fingers")}
-        exact = {f"{key}_m": self.read.number(value, LENGTH) for key, value in _given_nodes(node, "accuracy")}
+        exact = {
+            f"{key}_m": self.read.number(value, LENGTH)
+            for key, value in _given_nodes(node, "accuracy")
+        }
         force = [self.read.number(value, FACTOR) for _, value in _given_nodes(node, "force")]
         return _entry_with(
             HandEntry(arm.value),
-            {**lengths, **exact, **sizes, **friction, **fingers, **({"force_n": force[0]} if force else {})},
+            {
+                **lengths,
+                **exact,
+                **sizes,
+                **friction,
+                **fingers,
+                **({"force_n": force[0]} if force else {}),
+            },
         )
 
 

@@ -40,7 +40,10 @@ class XmlElement:
 
 
 def read_xml(file: File) -> XmlElement:
-    """The root element of a file. Raises `InvalidInput` if it is not well-formed, or has a document type or entities."""
+    """The root element of a file.
+
+    Raises `InvalidInput` if it is not well-formed, or has a document type or entities.
+    """
     parser = expat.ParserCreate("utf-8")  # whatever the document says: it was read as UTF-8
     stack: list[XmlElement] = [XmlElement("", {}, Source(file.path))]
     count = 0
@@ -57,7 +60,9 @@ def read_xml(file: File) -> XmlElement:
         nonlocal count
         count += 1
         if len(stack) > MAX_XML_DEPTH or count > MAX_XML_ELEMENTS:
-            raise InvalidInput([Diagnostic(here(), "K007", "nested too deeply or too many elements")])
+            raise InvalidInput(
+                [Diagnostic(here(), "K007", "nested too deeply or too many elements")]
+            )
         element = XmlElement(tag, attributes, here())
         stack[-1].children.append(element)
         stack.append(element)
@@ -72,5 +77,7 @@ def read_xml(file: File) -> XmlElement:
     except expat.ExpatError as error:
         where = file.line(error.lineno, error.offset + 1)
         said = expat.ErrorString(error.code)
-        raise InvalidInput([Diagnostic(where, "K703", f"not XML: {said}", "close every element")]) from None
+        raise InvalidInput(
+            [Diagnostic(where, "K703", f"not XML: {said}", "close every element")]
+        ) from None
     return stack[0].children[0]

@@ -52,7 +52,10 @@ class SymbolTable:
         return name in self.types or name in BUILT_IN_TYPES
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
-        """Whether `name` is `ancestor` or one of its subtypes. What a missing type is cannot be told: it fits everywhere."""
+        """Whether `name` is `ancestor` or one of its subtypes.
+
+        What a missing type is cannot be told: it fits everywhere.
+        """
         if name in self.missing or ancestor in self.missing:
             return True
         if ancestor == OBJECT_TYPE:
@@ -103,7 +106,10 @@ class SymbolTable:
     def predicate(
         self, atom: Atom, expression: Expression, kinds: Collection[Kind] = tuple(Kind)
     ) -> Predicate | None:
-        """The predicate of an atom, after a check of arity and kind. A type is a static predicate with one argument."""
+        """The predicate of an atom, after a check of arity and kind.
+
+        A type is a static predicate with one argument.
+        """
         predicate = self.predicates.get(atom.name)
         if predicate is None and self.known_type(atom.name) and atom.name not in UNLISTED_TYPES:
             predicate = Predicate(atom.name, (OBJECT_TYPE,), Kind.STATIC)
@@ -116,10 +122,16 @@ class SymbolTable:
             signature = f"{predicate.name}({', '.join(predicate.arguments)})"
             hint = f"it is {signature}" if predicate.arguments else "write it without brackets"
             self.findings.add(
-                expression.place(atom), "K102", argument_count_message(atom, len(predicate.arguments)), hint
+                expression.place(atom),
+                "K102",
+                argument_count_message(atom, len(predicate.arguments)),
+                hint,
             )
         elif predicate.kind not in kinds:
-            message = f"'{atom.name}' is {_kind_with_article(predicate.kind)}; only {_list_kinds(kinds)} is allowed here"
+            message = (
+                f"'{atom.name}' is {_kind_with_article(predicate.kind)}; only "
+                f"{_list_kinds(kinds)} is allowed here"
+            )
             self.findings.add(expression.place(atom), "K108", message, _KIND_HINTS[predicate.kind])
         else:
             return predicate
@@ -155,5 +167,8 @@ _KIND_HINTS = {
     Kind.STATIC: "statics never change; declare it under `fluents:` if it can change",
     Kind.FLUENT: "fluents can change: read them in `preconditions`, and list them in `initial`",
     Kind.DERIVED: "rules in .lp files decide when it holds: change the fluents that they read",
-    Kind.EVENT: "events are a history: operators add them and workflows name them; use a fluent for a state that is read",
+    Kind.EVENT: "events are a history: operators add them and workflows name them; use a fluent "
+    "for "
+    "a "
+    "state that is read",
 }

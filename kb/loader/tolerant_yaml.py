@@ -1,7 +1,8 @@
 """Trees of a YAML text that may be broken, piece by piece, for editors.
 
-A file is cut at the lines that begin a section, and each section at those that begin an entry of it, so an error spoils one
-entry and not the file. In a broken entry, lines are left out until the rest is YAML.
+A file is cut at the lines that begin a section, and each section at those that begin an entry of
+it, so an error spoils one entry and not the file. In a broken entry, lines are left out until the
+rest is YAML.
 """
 
 import re
@@ -23,7 +24,9 @@ _CONTENT = re.compile(r"^([ ]*)[^\s#][^\n]*$", re.MULTILINE)
 
 
 class YamlPiece(NamedTuple):
-    """A part of a file: the section that it belongs to (empty: the file itself), where it begins, and its text."""
+    """A part of a file: the section that it belongs to (empty: the file itself), where it
+    begins, and its text.
+    """
 
     section: str
     start: int
@@ -31,16 +34,23 @@ class YamlPiece(NamedTuple):
 
 
 def split_pieces(text: str) -> Iterator[YamlPiece]:
-    """The pieces of a YAML text, in order. Together they hold all of it except what stands before the first section."""
+    """The pieces of a YAML text, in order.
+
+    Together they hold all of it except what stands before the first section.
+    """
     starts = [match.start() for match in _SECTION.finditer(text)]
     for start, end in zip(starts, [*starts[1:], len(text)], strict=False):
         head = _BARE.match(text, start, end)
-        yield from _of_section(text, head, end) if head else (YamlPiece("", start, text[start:end]),)
+        yield from (
+            _of_section(text, head, end) if head else (YamlPiece("", start, text[start:end]),)
+        )
 
 
 def _of_section(text: str, head: re.Match[str], end: int) -> Iterator[YamlPiece]:
     """The key of a section alone, then each of its entries."""
-    lines = [(match.start(), len(match[1])) for match in _CONTENT.finditer(text, head.end() + 1, end)]
+    lines = [
+        (match.start(), len(match[1])) for match in _CONTENT.finditer(text, head.end() + 1, end)
+    ]
     least = min((indent for _, indent in lines), default=0)
     starts = [start for start, indent in lines if indent == least]
     yield YamlPiece("", head.start(), text[head.start() : starts[0] if starts else end])
@@ -62,7 +72,9 @@ def piece_tree(text: str) -> YamlNode | None:
 
 
 def _try_tree(text: str) -> YamlNode | str | None:
-    """The tree of a text; else the text without a line that is to blame; None if nothing can be done."""
+    """The tree of a text; else the text without a line that is to blame; None if nothing can be
+    done.
+    """
     try:
         return _compose_tree(text)
     except InvalidInput:
@@ -80,9 +92,13 @@ def _compose_tree(text: str) -> YamlNode:
 
 
 def _blamed_lines(text: str, error: yaml.YAMLError) -> list[int]:
-    """Where the lines begin that may be to blame: where a bracket was opened, where YAML stopped, and the line before."""
+    """Where the lines begin that may be to blame: where a bracket was opened, where YAML
+    stopped, and the line before.
+    """
     context = str(getattr(error, "context", ""))
-    marks = [getattr(error, "context_mark", None)] if "flow" in context or "quoted" in context else []
+    marks = (
+        [getattr(error, "context_mark", None)] if "flow" in context or "quoted" in context else []
+    )
     marks.append(getattr(error, "problem_mark", None))
     lines: dict[int, None] = {}
     for mark in filter(None, marks):

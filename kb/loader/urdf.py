@@ -69,12 +69,16 @@ class ElementReader:
                 (radius,) = self.numbers(element, "radius", 1, "0")
                 return Sphere(radius) if self._extent(element, radius) else None
             case "cylinder":
-                (radius,), (length,) = (self.numbers(element, key, 1, "0") for key in ("radius", "length"))
+                (radius,), (length,) = (
+                    self.numbers(element, key, 1, "0") for key in ("radius", "length")
+                )
                 return Cylinder(radius, length) if self._extent(element, radius, length) else None
             case "mesh":
                 return self._mesh(element)
             case _:
-                self.note(element, f"<{element.tag}> is not a shape", "box, sphere, cylinder or mesh")
+                self.note(
+                    element, f"<{element.tag}> is not a shape", "box, sphere, cylinder or mesh"
+                )
                 return None
 
     def _extent(self, element: XmlElement, *sizes: float) -> bool:
@@ -108,11 +112,16 @@ class ElementReader:
         return Mesh(str(path), scale, element.where)
 
     def _found(self, name: str) -> Path | None:
-        """The file that a name leads to. A `package://` path is looked for within the folders of packages alone."""
+        """The file that a name leads to.
+
+        A `package://` path is looked for within the folders of packages alone.
+        """
         inside = name.removeprefix("package://").removeprefix("file://")
         if name.startswith("package://"):
             inside = inside.lstrip("/")
-        candidates = (folder / part for folder in self.folders for part in (inside, inside.partition("/")[2]))
+        candidates = (
+            folder / part for folder in self.folders for part in (inside, inside.partition("/")[2])
+        )
         return next((path for path in candidates if is_file(path) and self._is_inside(path)), None)
 
     def _is_inside(self, path: Path) -> bool:
@@ -131,7 +140,9 @@ class ElementReader:
             else [0.0] * 6
         )
         if weight < 0:
-            self.note(element, f"link '{link.get('name')}' has a mass below zero", "give its mass in kg")
+            self.note(
+                element, f"link '{link.get('name')}' has a mass below zero", "give its mass in kg"
+            )
         xx, xy, xz, yy, yz, zz = values
         return Inertia(weight, self.origin(element), (xx, xy, xz, yy, yz, zz))
 
@@ -152,11 +163,16 @@ class ElementReader:
         if max(map(abs, values)) <= MAX_MAGNITUDE:
             return True
         hint = "URDF has metres and radians"
-        self.findings.add(element.where, "K113", f"a <{element.tag}> larger than {MAX_MAGNITUDE:g}", hint)
+        self.findings.add(
+            element.where, "K113", f"a <{element.tag}> larger than {MAX_MAGNITUDE:g}", hint
+        )
         return False
 
     def numbers(self, element: XmlElement, key: str, count: int, default: str = "") -> list[float]:
-        """`count` finite numbers in an attribute. Another number of values is reported, and the result is zeros."""
+        """`count` finite numbers in an attribute.
+
+        Another number of values is reported, and the result is zeros.
+        """
         text = element.get(key, default)
         try:
             values = [read_decimal(part, MAX_URDF_NUMBER) for part in text.split()]
@@ -164,7 +180,9 @@ class ElementReader:
             values = []
         if len(values) != count or not all(map(math.isfinite, values)):
             self.note(
-                element, f'{key}="{text[:40]}" is not {count} finite numbers', "separate them by blanks"
+                element,
+                f'{key}="{text[:40]}" is not {count} finite numbers',
+                "separate them by blanks",
             )
             return [0.0] * count
         return values
@@ -189,10 +207,15 @@ class Description:
 
 
 def read_urdf(urdf: YamlNode, entry: YamlNode, read: QuantityReader) -> Arm:
-    """The arm of a `cell.yaml` entry with `urdf`, `srdf`, `chain` and `packages`. Errors are added to the findings of `read`."""
+    """The arm of a `cell.yaml` entry with `urdf`, `srdf`, `chain` and `packages`.
+
+    Errors are added to the findings of `read`.
+    """
     listed = child_at(entry, "packages")
     findings = read.findings
-    packages = [path for item in (listed.value if listed else []) if (path := read.file(item)) is not None]
+    packages = [
+        path for item in (listed.value if listed else []) if (path := read.file(item)) is not None
+    ]
     chain = child_at(entry, "chain")
     ends = (chain.value[0].value, chain.value[1].value) if chain else None
     srdf = child_at(entry, "srdf")
@@ -217,7 +240,10 @@ def urdf_arm(
     packages: list[Path],
     findings: LoadFindings,
 ) -> Arm:
-    """The serial arm between two links of a URDF (by default the longest chain). Raises `InvalidInput`."""
+    """The serial arm between two links of a URDF (by default the longest chain).
+
+    Raises `InvalidInput`.
+    """
     robot = _Robot(ElementReader(findings, [*packages, urdf.parent]))
     description = robot.description(read_xml(read_file(urdf)))
     first, last = ends or robot.longest(description)
@@ -234,14 +260,18 @@ class _Robot:
 
     def description(self, root: XmlElement) -> Description:
         if root.tag != "robot":
-            raise self.read.broken(root, f"<{root.tag}> is not a robot", "a URDF begins with <robot>")
+            raise self.read.broken(
+                root, f"<{root.tag}> is not a robot", "a URDF begins with <robot>"
+            )
         links: dict[str, tuple[PlacedShape, ...]] = {}
         inertias: dict[str, Inertia | None] = {}
         for link in root.all("link"):
             name = link.get("name")
             if not name or name in links:
                 self.read.note(
-                    link, "a link without a name, or a second one of that name", "name each link once"
+                    link,
+                    "a link without a name, or a second one of that name",
+                    "name each link once",
                 )
             links[name], inertias[name] = self.read.shapes(link), self.read.inertia(link)
         joints: dict[str, XmlElement] = {}
@@ -252,11 +282,16 @@ class _Robot:
         return Description(root.get("name"), links, inertias, joints, root.where)
 
     def _joint(
-        self, joint: XmlElement, links: dict[str, tuple[PlacedShape, ...]], joints: dict[str, XmlElement]
+        self,
+        joint: XmlElement,
+        links: dict[str, tuple[PlacedShape, ...]],
+        joints: dict[str, XmlElement],
     ) -> None:
         parent, below = _joint_end(joint, "parent"), _joint_end(joint, "child")
         if joint.get("type") not in {*MOVING_JOINTS, "fixed", "floating", "planar"}:
-            self.read.note(joint, f"unknown joint type '{joint.get('type')}'", "revolute, prismatic or fixed")
+            self.read.note(
+                joint, f"unknown joint type '{joint.get('type')}'", "revolute, prismatic or fixed"
+            )
         for name in (parent, below):
             if name not in links:
                 self.read.note(
@@ -274,24 +309,34 @@ class _Robot:
             for name, chain in chains.items()
         }
         most = max(moving.values())
-        last = min((name for name in moving if moving[name] == most), key=lambda name: len(chains[name]))
+        last = min(
+            (name for name in moving if moving[name] == most), key=lambda name: len(chains[name])
+        )
         chain = chains[last]
         return (_joint_end(description.joints[chain[0]], "parent") if chain else last), last
 
     def _ancestry(self, description: Description, link: str) -> list[str]:
-        """The links on the way from the root down to `link`, without the root. Raises `InvalidInput` for a circle."""
+        """The links on the way from the root down to `link`, without the root.
+
+        Raises `InvalidInput` for a circle.
+        """
         chain: list[str] = []
         while link in description.joints:
             if link in chain:
                 raise self.read.broken(
-                    description.joints[link], f"link '{link}' is its own ancestor", "a robot is a tree"
+                    description.joints[link],
+                    f"link '{link}' is its own ancestor",
+                    "a robot is a tree",
                 )
             chain.append(link)
             link = _joint_end(description.joints[link], "parent")
         return chain[::-1]
 
     def path(self, description: Description, first: str, last: str) -> list[str]:
-        """The links after `first` down to `last`. Raises `InvalidInput` if there is no such chain."""
+        """The links after `first` down to `last`.
+
+        Raises `InvalidInput` if there is no such chain.
+        """
         for name in (first, last):
             if name not in description.links:
                 near = ", ".join(list(description.links)[:12])
@@ -306,11 +351,16 @@ class _Robot:
         if chain and _joint_end(description.joints[chain[0]], "parent") == first:
             return chain
         raise self.read.broken(
-            XmlElement("", {}, description.where), f"no chain from '{first}' to '{last}'", "check `chain`"
+            XmlElement("", {}, description.where),
+            f"no chain from '{first}' to '{last}'",
+            "check `chain`",
         )
 
     def arm(self, description: Description, path: list[str], first: str) -> Arm:
-        """The arm with the moving joints of a chain. Rigid poses between them become part of origins, links and flange."""
+        """The arm with the moving joints of a chain.
+
+        Rigid poses between them become part of origins, links and flange.
+        """
         joints: list[Joint] = []
         rigid: list[Pose] = []
         frames: dict[str, tuple[int, tuple[Pose, ...]]] = {first: (0, ())}
@@ -329,7 +379,9 @@ class _Robot:
         )
         return Arm(description.name, tuple(joints), links, tuple(rigid))
 
-    def _hang(self, description: Description, frames: dict[str, tuple[int, tuple[Pose, ...]]]) -> None:
+    def _hang(
+        self, description: Description, frames: dict[str, tuple[int, tuple[Pose, ...]]]
+    ) -> None:
         """Place every link below the chain. Links above or beside the first link are left out."""
         waiting = True
         while waiting:
@@ -355,20 +407,36 @@ class _Robot:
         if limit is not None:
             speed, effort = (self._given(limit, key) for key in ("velocity", "effort"))
             if bounded:
-                lower, upper = (self.read.numbers(limit, key, 1, "0")[0] for key in ("lower", "upper"))
+                lower, upper = (
+                    self.read.numbers(limit, key, 1, "0")[0] for key in ("lower", "upper")
+                )
         elif joint.get("type") != "continuous":
-            self.read.note(joint, f"joint '{joint.get('name')}' has no limits", "add <limit lower upper/>")
+            self.read.note(
+                joint, f"joint '{joint.get('name')}' has no limits", "add <limit lower upper/>"
+            )
         if lower >= upper:
-            self.read.note(joint, f"joint '{joint.get('name')}' cannot move", "lower must be below upper")
+            self.read.note(
+                joint, f"joint '{joint.get('name')}' cannot move", "lower must be below upper"
+            )
         direction = self.read.vector(axis, "xyz", "1 0 0") if axis is not None else (1.0, 0.0, 0.0)
         length = math.hypot(*direction)
         if length < 1e-9:
-            self.read.note(joint, f"joint '{joint.get('name')}' has no axis", "give <axis xyz/> a direction")
+            self.read.note(
+                joint, f"joint '{joint.get('name')}' has no axis", "give <axis xyz/> a direction"
+            )
             direction, length = (1.0, 0.0, 0.0), 1.0
         x, y, z = (value / length for value in direction)
         follows = self._mimic(joint)
         return Joint(
-            joint.get("name"), origin, (x, y, z), kind, lower, upper, speed, effort=effort, mimic=follows
+            joint.get("name"),
+            origin,
+            (x, y, z),
+            kind,
+            lower,
+            upper,
+            speed,
+            effort=effort,
+            mimic=follows,
         )
 
     def _given(self, element: XmlElement, key: str) -> float | None:
@@ -380,9 +448,12 @@ class _Robot:
         if mimic is None:
             return None
         message = (
-            f"joint '{joint.get('name')}' follows '{mimic.get('joint')}', but is moved as if it were free"
+            f"joint '{joint.get('name')}' follows '{mimic.get('joint')}', but is moved as if it "
+            "were free"
         )
-        self.read.findings.add(joint.where, "K703", message, "end the `chain` before it", warning=True)
+        self.read.findings.add(
+            joint.where, "K703", message, "end the `chain` before it", warning=True
+        )
         (factor,), (offset,) = (
             self.read.numbers(mimic, key, 1, default)
             for key, default in (("multiplier", "1"), ("offset", "0"))
@@ -406,7 +477,9 @@ def _adjacent_links(description: Description) -> frozenset[frozenset[str]]:
     )
 
 
-def _allowed_pairs(srdf: Path | None, arm: Arm, findings: LoadFindings) -> frozenset[frozenset[str]]:
+def _allowed_pairs(
+    srdf: Path | None, arm: Arm, findings: LoadFindings
+) -> frozenset[frozenset[str]]:
     """The pairs that an SRDF disables. Raises `InvalidInput`."""
     if srdf is None:
         return frozenset()

@@ -1,6 +1,7 @@
 """Infers the types of variables from atoms, and reports unbound and lone variables.
 
-Only positive atoms narrow the type of a variable: `not part_of(Place, drawer)` also holds for places that are no depots.
+Only positive atoms narrow the type of a variable: `not part_of(Place, drawer)` also holds for
+places that are no depots.
 """
 
 import dataclasses
@@ -60,9 +61,15 @@ class Typing:
         return self.types.get(variable, self.weak.get(variable))
 
     def atom(
-        self, atom: Atom, expression: Expression, kinds: Collection[Kind] = tuple(Kind), positive: bool = True
+        self,
+        atom: Atom,
+        expression: Expression,
+        kinds: Collection[Kind] = tuple(Kind),
+        positive: bool = True,
     ) -> None:
-        """Check the name, arity, kind and arguments of an atom, and narrow the types of its variables."""
+        """Check the name, arity, kind and arguments of an atom, and narrow the types of its
+        variables.
+        """
         predicate = self.names.predicate(atom, expression, kinds)
         if predicate is None:
             self.sound = False
@@ -96,18 +103,26 @@ class Typing:
             case Function(name):
                 self._constant(term, name, expected, expression, atom)
 
-    def _constant(self, term: Function, name: str, expected: str, expression: Expression, atom: Atom) -> None:
+    def _constant(
+        self, term: Function, name: str, expected: str, expression: Expression, atom: Atom
+    ) -> None:
         if name[0] in "-0123456789":
             hint = "only whole numbers are allowed: choose a smaller unit"
-            self.names.findings.add(expression.node.where, "K103", f"{name} is not a whole number", hint)
+            self.names.findings.add(
+                expression.node.where, "K103", f"{name} is not a whole number", hint
+            )
             return
         actual = self.names.objects.get(name)
         if actual is None:
             known = [
-                name for name, type_ in self.names.objects.items() if self.names.is_subtype(type_, expected)
+                name
+                for name, type_ in self.names.objects.items()
+                if self.names.is_subtype(type_, expected)
             ]
             where = expression.place(term)
-            self.names.findings.note(unknown_name("object", name, known or self.names.objects, where))
+            self.names.findings.note(
+                unknown_name("object", name, known or self.names.objects, where)
+            )
         elif not self.names.is_subtype(actual, expected):
             self._mismatch(name, actual, expected, expression, atom)
 
@@ -117,12 +132,17 @@ class Typing:
         function = self.names.functions.get(term.name)
         if function is None:
             where = expression.place(term)
-            self.names.findings.note(unknown_name("function", term.name, self.names.functions, where))
+            self.names.findings.note(
+                unknown_name("function", term.name, self.names.functions, where)
+            )
             return
         if len(term.arguments) != len(function.arguments):
             hint = f"it is {function.name}({', '.join(function.arguments)})"
             self.names.findings.add(
-                expression.place(term), "K102", argument_count_message(term, len(function.arguments)), hint
+                expression.place(term),
+                "K102",
+                argument_count_message(term, len(function.arguments)),
+                hint,
             )
             return
         if not self.names.is_subtype(function.result, expected):
@@ -144,14 +164,24 @@ class Typing:
         elif not self.names.is_subtype(known, expected):
             self._mismatch(str(variable), known, expected, expression, atom)
 
-    def _mismatch(self, term: str, actual: str, expected: str, expression: Expression, atom: Atom) -> None:
+    def _mismatch(
+        self, term: str, actual: str, expected: str, expression: Expression, atom: Atom
+    ) -> None:
         message = f"{term} is of type {actual}, but {atom.name} takes {expected} here"
-        self.names.findings.add(expression.place(atom), "K103", message, self.names.examples(expected))
+        self.names.findings.add(
+            expression.place(atom), "K103", message, self.names.examples(expected)
+        )
 
     def condition(
-        self, condition: Condition, expression: Expression, kinds: Collection[Kind], positive: bool = True
+        self,
+        condition: Condition,
+        expression: Expression,
+        kinds: Collection[Kind],
+        positive: bool = True,
     ) -> None:
-        """Check every atom of a condition, and narrow the types of variables by the positive atoms."""
+        """Check every atom of a condition, and narrow the types of variables by the positive
+        atoms.
+        """
         match condition:
             case Literal(atom, sign):
                 self.atom(atom, expression, kinds, positive and sign)
@@ -175,7 +205,10 @@ class Typing:
         expression: Expression,
         kinds: Collection[Kind],
     ) -> "Typing":
-        """Narrow types by a universal condition. Its own variables are known only in the returned scope."""
+        """Narrow types by a universal condition.
+
+        Its own variables are known only in the returned scope.
+        """
         inner = self.nested()
         for side in guard_and_claim(part):
             inner.condition(side, expression, kinds)
@@ -184,7 +217,9 @@ class Typing:
         return inner
 
     def _compared(self, term: Term, expression: Expression) -> None:
-        """Check the names in a comparison, because a misspelt name would never be equal to anything."""
+        """Check the names in a comparison, because a misspelt name would never be equal to
+        anything.
+        """
         match term:
             case Operation(_, left, right):
                 self._compared(left, expression)
@@ -192,10 +227,14 @@ class Typing:
             case Function(name, ()) if name not in self.names.functions:
                 if name not in self.names.objects:
                     where = expression.place(term)
-                    self.names.findings.note(unknown_name("object", name, self.names.objects, where))
+                    self.names.findings.note(
+                        unknown_name("object", name, self.names.objects, where)
+                    )
             case Function(name):
                 function = self.names.functions.get(name)
-                self._compound(term, function.result if function else OBJECT_TYPE, expression, term, True)
+                self._compound(
+                    term, function.result if function else OBJECT_TYPE, expression, term, True
+                )
 
     def parameters(
         self, wanted: Iterable[Variable], expression: Expression, code: str = "K105"
@@ -207,13 +246,19 @@ class Typing:
             if type_ is None and self.sound:
                 hint = "use it in an atom that binds it, or name its type under `types:`"
                 self.names.findings.add(
-                    expression.place(variable), code, f"nothing gives the variable {variable} a type", hint
+                    expression.place(variable),
+                    code,
+                    f"nothing gives the variable {variable} a type",
+                    hint,
                 )
             parameters.append(Parameter(variable, type_ or OBJECT_TYPE))
         return tuple(parameters)
 
     def quantified(self, condition: Condition, expression: Expression) -> Condition:
-        """The condition with typed quantifiers. Each `_` in a positive or negative literal means some value."""
+        """The condition with typed quantifiers.
+
+        Each `_` in a positive or negative literal means some value.
+        """
         match condition:
             case Literal(atom, positive) if ANYTHING in term_variables(atom):
                 return self._some(atom, positive)
@@ -225,7 +270,9 @@ class Typing:
                 return Not(self.quantified(part, expression))
             case ForAll(parameters, part):
                 inner = self._universal(parameters, part, expression, tuple(Kind))
-                typed = inner.parameters([parameter.variable for parameter in parameters], expression)
+                typed = inner.parameters(
+                    [parameter.variable for parameter in parameters], expression
+                )
                 return ForAll(typed, inner.quantified(part, expression))
             case _:
                 return condition
@@ -234,7 +281,9 @@ class Typing:
         fresh: list[Parameter] = []
         predicate = self.names.predicates.get(atom.name)
         expected = predicate.arguments if predicate else (OBJECT_TYPE,) * len(atom.arguments)
-        arguments = tuple(self._renamed(a, t, fresh) for a, t in zip(atom.arguments, expected, strict=False))
+        arguments = tuple(
+            self._renamed(a, t, fresh) for a, t in zip(atom.arguments, expected, strict=False)
+        )
         some = Exists(tuple(fresh), Literal(Function(atom.name, arguments)))
         return some if positive else Not(some)
 
@@ -262,12 +311,16 @@ def has_arithmetic(term: Term) -> bool:
 
 
 def scope_conditions(expression: Expression, outer: Collection[Variable]) -> Expression:
-    """The conditions. A universal condition quantifies only those variables that occur neither outside nor beside it."""
+    """The conditions. A universal condition quantifies only those variables that occur neither
+    outside nor beside it.
+    """
     parts = tuple(_scope_part(part, expression.value, outer) for part in expression.value)
     return dataclasses.replace(expression, value=parts)
 
 
-def _scope_part(part: Condition, beside: tuple[Condition, ...], outer: Collection[Variable]) -> Condition:
+def _scope_part(
+    part: Condition, beside: tuple[Condition, ...], outer: Collection[Variable]
+) -> Condition:
     if not isinstance(part, ForAll):
         return part
     taken = {*outer, *(v for other in beside if other is not part for v in free_variables(other))}
@@ -276,7 +329,10 @@ def _scope_part(part: Condition, beside: tuple[Condition, ...], outer: Collectio
 
 
 def guard_and_claim(part: Condition) -> tuple[Condition, ...]:
-    """The guard and the claim of a universal condition. The guard binds variables, so it is returned as positive."""
+    """The guard and the claim of a universal condition.
+
+    The guard binds variables, so it is returned as positive.
+    """
     match part:
         case Or((Not(guard), claim)):
             return guard, claim
@@ -285,7 +341,10 @@ def guard_and_claim(part: Condition) -> tuple[Condition, ...]:
 
 
 def check_aggregate(aggregate: Aggregate, expression: Expression, names: SymbolTable) -> None:
-    """Check the names in an aggregate. It stays text for clingo, which would take an unknown name for an empty predicate."""
+    """Check the names in an aggregate.
+
+    It stays text for clingo, which would take an unknown name for an empty predicate.
+    """
     where = expression.node.where
     for name, arity in aggregate.uses:
         predicate = names.predicates.get(name)
@@ -293,7 +352,10 @@ def check_aggregate(aggregate: Aggregate, expression: Expression, names: SymbolT
             hint = nearest_hint(name, names.predicates)
             names.findings.add(where, "K101", f"unknown predicate '{name}'", hint)
         elif predicate and predicate.kind is not Kind.STATIC:
-            hint = "let a rule count it: `crowded :- #count { T : at(T, rack) } > 2.`, with `crowded` under `derived:`"
+            hint = (
+                "let a rule count it: `crowded :- #count { T : at(T, rack) } > 2.`, with "
+                "`crowded` under `derived:`"
+            )
             names.findings.add(
                 where, "K108", f"'{name}' can change, so it cannot be used in an aggregate", hint
             )
@@ -315,7 +377,9 @@ def refuse_unbound(
 
 
 def count_occurrences(values: Iterable[object]) -> Counter[Variable]:
-    """The number of occurrences of each variable in terms, atoms, conditions and nested tuples of them; `_` is not counted."""
+    """The number of occurrences of each variable in terms, atoms, conditions and nested tuples
+    of them; `_` is not counted.
+    """
     counts: Counter[Variable] = Counter()
     for value in values:
         counts.update(variable for variable in _variables_in(value) if variable != ANYTHING)
@@ -356,7 +420,10 @@ def warn_singletons(
     names: SymbolTable,
     advice: str = "write '_' or '_{}' if anything will do",
 ) -> None:
-    """Warn of the suspects that occur only once. A name that begins with `_` shows that this is intended."""
+    """Warn of the suspects that occur only once.
+
+    A name that begins with `_` shows that this is intended.
+    """
     for variable in dict.fromkeys(suspects):
         if counted[variable] == 1 and not variable.name.startswith("_"):
             other_names = [candidate.name for candidate in counted if candidate != variable]
@@ -380,4 +447,6 @@ def refuse_anything(expression: Expression, name: str, names: SymbolTable) -> No
     """Report `_` where it cannot be used, because it has no value."""
     if ANYTHING in free_in(expression.value):
         hint = "name a variable that something binds"
-        names.findings.add(expression.place(ANYTHING), "K105", f"'_' cannot be used in `{name}`", hint)
+        names.findings.add(
+            expression.place(ANYTHING), "K105", f"'_' cannot be used in `{name}`", hint
+        )

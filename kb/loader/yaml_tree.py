@@ -17,7 +17,9 @@ MAX_NODES = 1_000_000
 
 
 class YamlNode(NamedTuple):
-    """A part of a YAML file: `value` is a string, a list of nodes, or a dict from string to (key node, node)."""
+    """A part of a YAML file: `value` is a string, a list of nodes, or a dict from string to
+    (key node, node).
+    """
 
     value: Any
     file: File
@@ -34,9 +36,11 @@ class YamlNode(NamedTuple):
         return self.file.at(self.offset_of(offset))
 
     def offset_of(self, offset: int) -> int:
-        """Where character `offset` of a scalar's value stands in the file, found by counting non-blank characters.
+        """Where character `offset` of a scalar's value stands in the file, found by counting
+        non-blank characters.
 
-        It is exact for plain, quoted, folded and literal scalars; escapes inside double quotes shift it.
+        It is exact for plain, quoted, folded and literal scalars; escapes inside double quotes
+        shift it.
         """
         raw = self.file.text[self.start : self.end]
         if raw == self.value:
@@ -72,7 +76,9 @@ class YamlNode(NamedTuple):
 
 @functools.lru_cache(maxsize=4)
 def _visible_places(raw: str) -> list[int]:
-    """The places of the non-blank characters in a scalar's source, after its quote or block indicator."""
+    """The places of the non-blank characters in a scalar's source, after its quote or block
+    indicator.
+    """
     opening = re.match(r"[|>][-+0-9]*[^\n]*\n|['\"]|", raw)
     skip = opening.end() if opening else 0
     places = [match.start() for match in re.finditer(r"\S", raw)]
@@ -81,7 +87,9 @@ def _visible_places(raw: str) -> list[int]:
 
 def too_many_values(file: File, offset: int, most: int) -> InvalidInput:
     """The error of a file with more than `most` values; the first too many begins at `offset`."""
-    return InvalidInput([Diagnostic(file.at(offset), "K007", f"more than {most} values in one file")])
+    return InvalidInput(
+        [Diagnostic(file.at(offset), "K007", f"more than {most} values in one file")]
+    )
 
 
 LONGEST_KEY = 500  # characters; YAML takes about a thousand
@@ -94,7 +102,10 @@ _ESCAPED = re.compile(r"\\(.)")
 
 
 def json_tree(file: File, most: int) -> YamlNode | None:
-    """The tree of a file; None if it is not plainly JSON. Raises `InvalidInput` for more than `most` values."""
+    """The tree of a file; None if it is not plainly JSON.
+
+    Raises `InvalidInput` for more than `most` values.
+    """
     if not file.text.startswith("{") or not _is_json_text(file.text):
         return None
     return _build_json_tree(file, most)
@@ -115,7 +126,8 @@ def _forget_pairs(_pairs: object) -> None:
 def _build_json_tree(file: File, most: int) -> YamlNode | None:
     """The tree of a text that is JSON; None if YAML could read a part of it in another way.
 
-    `items` are those of the innermost collection that is open, `opened` the others around it and where each begins.
+    `items` are those of the innermost collection that is open, `opened` the others around it and
+    where each begins.
     """
     items: list[YamlNode] = []
     opened: list[tuple[int, list[YamlNode]]] = []
@@ -123,7 +135,8 @@ def _build_json_tree(file: File, most: int) -> YamlNode | None:
     make = (
         tuple.__new__
     )  # a node is made for each value: the constructor of a named tuple takes twice as long
-    # Each part begins where the last one ends: a search from any other place would go through long blanks again and again.
+    # Each part begins where the last one ends: a search from any other place would go through long
+    # blanks again and again.
     for match in iter(_JSON_PART.scanner(file.text, 0, whole).match, None):  # type: ignore[attr-defined]
         kind, end = match.lastindex or 0, match.end()
         first, last = match.span(kind)
@@ -132,7 +145,10 @@ def _build_json_tree(file: File, most: int) -> YamlNode | None:
             items = []
             continue
         if kind == CLOSING:
-            if len(opened) > MAX_YAML_DEPTH or (closed := _close_collection(items, match[kind])) is None:
+            if (
+                len(opened) > MAX_YAML_DEPTH
+                or (closed := _close_collection(items, match[kind])) is None
+            ):
                 return None
             first, items = opened.pop()
             items.append(make(YamlNode, (closed, file, first, last)))
@@ -150,7 +166,9 @@ def _build_json_tree(file: File, most: int) -> YamlNode | None:
 def _close_collection(
     items: list[YamlNode], sign: str
 ) -> list[YamlNode] | dict[str, tuple[YamlNode, YamlNode]] | None:
-    """The values of a list; of a mapping the keys with their nodes and values, or None if a key is long or comes twice."""
+    """The values of a list; of a mapping the keys with their nodes and values, or None if a key
+    is long or comes twice.
+    """
     if sign == "]":
         return items
     pairs = {key.value: (key, value) for key, value in zip(items[::2], items[1::2], strict=True)}
@@ -166,13 +184,15 @@ MAX_FOUND = 100  # a file with more YAML errors than this is not read further
 
 
 def read_tree(file: File, most: int = MAX_NODES) -> tuple[YamlNode, list[Diagnostic]]:
-    """The tree of a file with at most so many values, and its errors. Raises `InvalidInput` if there is no tree.
+    """The tree of a file with at most so many values, and its errors. Raises `InvalidInput` if
+    there is no tree.
 
-    The trees of the last short files are remembered: the domain is read anew with each of its problems.
+    The trees of the last short files are remembered: the domain is read anew with each of its
+    problems.
     """
-    root, diagnostics = (_remembered if len(file.text) <= SHORT_FILE_CHARACTERS else _read_uncached)(
-        file, most
-    )
+    root, diagnostics = (
+        _remembered if len(file.text) <= SHORT_FILE_CHARACTERS else _read_uncached
+    )(file, most)
     return root, [*diagnostics]
 
 
@@ -191,7 +211,8 @@ _remembered = functools.lru_cache(64)(_read_uncached)
 
 
 def outline_yaml(text: str) -> Iterator[str | None]:
-    """The scalars of a YAML text in order, and None where a mapping or list begins or ends. Raises `InvalidInput`.
+    """The scalars of a YAML text in order, and None where a mapping or list begins or ends. Raises
+    `InvalidInput`.
 
     It takes a third of the time of a tree.
     """
@@ -206,7 +227,10 @@ def outline_yaml(text: str) -> Iterator[str | None]:
 
 
 class Composer:
-    """Builds the tree from parser events. An explicit stack limits the depth, instead of Python's recursion limit."""
+    """Builds the tree from parser events.
+
+    An explicit stack limits the depth, instead of Python's recursion limit.
+    """
 
     def __init__(self, file: File, diagnostics: list[Diagnostic], most: int) -> None:
         self.file, self.found, self.most = file, diagnostics, most
@@ -262,7 +286,10 @@ class Composer:
         if depth > MAX_YAML_DEPTH:
             where = self.file.at(_event_start(event))
             diagnostic = Diagnostic(
-                where, "K007", f"nested deeper than {MAX_YAML_DEPTH} levels", "no file needs so many"
+                where,
+                "K007",
+                f"nested deeper than {MAX_YAML_DEPTH} levels",
+                "no file needs so many",
             )
             raise InvalidInput([*self.found, diagnostic])
 
@@ -277,7 +304,9 @@ class Composer:
             hint = "put the whole value in quotes"
             where = self.file.at(comment.start(1))
             self._note(
-                Diagnostic(where, "K006", f"YAML takes '{comment[1]}' for the start of a comment", hint)
+                Diagnostic(
+                    where, "K006", f"YAML takes '{comment[1]}' for the start of a comment", hint
+                )
             )
             return self._node("", event, event)  # the rest of the value would only be misread
         return self._node(event.value, event, event)
@@ -298,7 +327,9 @@ class Composer:
                 first = pairs[key.value][0].where
                 message = f"the key '{key.value[:60]}' is already used in line {first.line}"
                 self._note(
-                    Diagnostic(key.where, "K003", message, "remove one, or put both values under one key")
+                    Diagnostic(
+                        key.where, "K003", message, "remove one, or put both values under one key"
+                    )
                 )
             else:
                 pairs[key.value] = (key, value)
@@ -329,10 +360,13 @@ def _is_json(file: File) -> bool:
     return file.path.endswith(".json")
 
 
-_INDENT_HINT = "indent it like its neighbours, and look for an open quote or bracket in an earlier line"
+_INDENT_HINT = (
+    "indent it like its neighbours, and look for an open quote or bracket in an earlier line"
+)
 _YAML_HINTS = {
     "mapping values": "a value with ': ' or starting with '!', '%', '{' or '[' needs quotes",
-    "cannot start any token": "indent with spaces, not tabs; a value starting with '%', '@' or '`' needs quotes",
+    "cannot start any "
+    "token": "indent with spaces, not tabs; a value starting with '%', '@' or '`' needs quotes",
     "expected ':'": "a key needs ': ' after it",
     "expected ','": "close the bracket, or put the whole value in quotes",
     "expected key": _INDENT_HINT,

@@ -1,1 +1,3 @@
-"""The values that files hold, written by people or by the program itself: domains, problems, plans."""
+"""The values that files hold, written by people or by the program itself: domains, problems,
+plans.
+"""

@@ -12,8 +12,8 @@ MAX_MAGNITUDE = 1e6  # metres, radians or factors: no cell is larger, and sums a
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A position, and roll, pitch and yaw about the fixed x, y and z axes, in that order: R = Rz(yaw)
-    Ry(pitch) Rx(roll).
+    """A position, and roll, pitch and yaw about the fixed x, y and z axes, in that order: R =
+    Rz(yaw) Ry(pitch) Rx(roll).
     """
 
     position_m: Vector = (0.0, 0.0, 0.0)
@@ -61,7 +61,9 @@ class Cylinder:
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """A flat-ended cylinder along z about the origin, with a round bore of radius `inner_m` all the way through."""
+    """A flat-ended cylinder along z about the origin, with a round bore of radius `inner_m` all
+    the way through.
+    """
 
     radius_m: float
     inner_m: float
@@ -78,7 +80,9 @@ class Hole:
 
 @dataclass(frozen=True, slots=True)
 class Plate:
-    """A rectangular block about the origin with round holes along z, each in a square of its own."""
+    """A rectangular block about the origin with round holes along z, each in a square of its
+    own.
+    """
 
     size_m: Vector
     holes: tuple[Hole, ...] = ()
@@ -125,7 +129,9 @@ class Mesh:
 
 @dataclass(frozen=True, slots=True)
 class HeightField:
-    """Heights on a grid, solid down to `floor_m`; `heights_m[row][column]` is at (column * dx, row * dy)."""
+    """Heights on a grid, solid down to `floor_m`; `heights_m[row][column]` is at (column * dx,
+    row * dy).
+    """
 
     spacing_m: tuple[float, float]
     heights_m: tuple[tuple[float, ...], ...]

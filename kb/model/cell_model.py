@@ -1,7 +1,7 @@
 """The cell: arms, frames, bodies, regions, places, scanners and sensors. Metres and radians.
 
-A frame's location is a `Placement`: the pose `T_parent_frame` in a named parent. Nothing is computed here;
-`cellwright.engine.stages.geometry` computes collisions and reach.
+A frame's location is a `Placement`: the pose `T_parent_frame` in a named parent. Nothing is
+computed here; `cellwright.engine.stages.geometry` computes collisions and reach.
 """
 
 import math
@@ -16,14 +16,17 @@ from cellwright.kb.terms import Atom, Function, Term
 
 @dataclass(frozen=True, slots=True)
 class Ranging:
-    """A tool that scans a picture with a beam of modulated light, and measures its phase after the way there and back.
+    """A tool that scans a picture with a beam of modulated light, and measures its phase after the
+    way there and back.
 
-    `eye` is the feature of the tool that it looks from, along z. The picture is `width` by `height` pixels and `view_rad` wide.
-    A range is known modulo half of `wavelength_m`. `noise_m` is its standard deviation on a surface square to the beam at `at_m`;
-    it is the noise of the signal by its strength, so it grows with the square of the range and with the incidence. `beam_rad` is
-    the full divergence of the beam (where the intensity is 1/e^2), `pointing_rad` the standard deviation of its direction across either axis.
-    There is no answer where the signal is weaker than that at `at_m` of a surface seen at `grazing_rad`, and none from a share
-    `dropouts` of the pixels.
+    `eye` is the feature of the tool that it looks from, along z. The picture is `width` by `height`
+    pixels and `view_rad` wide. A range is known modulo half of `wavelength_m`. `noise_m` is its
+    standard deviation on a surface square to the beam at `at_m`; it is the noise of the signal by
+    its strength, so it grows with the square of the range and with the incidence. `beam_rad` is the
+    full divergence of the beam (where the intensity is 1/e^2), `pointing_rad` the standard
+    deviation of its direction across either axis. There is no answer where the signal is weaker
+    than that at `at_m` of a surface seen at `grazing_rad`, and none from a share `dropouts` of the
+    pixels.
     """
 
     eye: str
@@ -51,7 +54,8 @@ class Sensing(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A sensor reads something `of` a body, arm or frame. A reading is the range (least, greatest) that the value lies in.
+    """A sensor reads something `of` a body, arm or frame. A reading is the range (least, greatest)
+    that the value lies in.
 
     `tells` names the outcome of a test by a reading, where the two have different names.
     """
@@ -63,7 +67,8 @@ class Sensor:
 
 
 WORLD_FRAME = "world"
-TOUCH_DEPTH_M = 0.005  # how deep things may overlap that touch by intention, unless the place says otherwise
+# how deep things may overlap that touch by intention, unless the place says otherwise
+TOUCH_DEPTH_M = 0.005
 ZONE_SPEED_M_S = 0.25  # near people, unless the zone says otherwise (ISO 10218: reduced speed)
 
 
@@ -85,7 +90,9 @@ class Mimic:
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Mass in kg, the pose of the centre of mass, and the moments xx, xy, xz, yy, yz, zz in kg m^2 about its axes."""
+    """Mass in kg, the pose of the centre of mass, and the moments xx, xy, xz, yy, yz, zz in kg
+    m^2 about its axes.
+    """
 
     mass_kg: float
     centre: Pose = IDENTITY_POSE
@@ -94,10 +101,11 @@ class Inertia:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A moving joint: first the fixed `origin` in the frame of the joint before, then the motion about or along `axis`.
+    """A moving joint: first the fixed `origin` in the frame of the joint before, then the motion
+    about or along `axis`.
 
-    Limits are in rad or m, speed is per second, acceleration per second squared, effort in N m or N. None means unknown.
-    A joint with `mimic` follows another one.
+    Limits are in rad or m, speed is per second, acceleration per second squared, effort in N m or
+    N. None means unknown. A joint with `mimic` follows another one.
     """
 
     name: str
@@ -116,8 +124,8 @@ class Joint:
 class Link:
     """A rigid link.
 
-    The first `carrier` joints move it (0: it stands still); `offset` leads from the last of them to its
-    frame.
+    The first `carrier` joints move it (0: it stands still); `offset` leads from the last of them to
+    its frame.
     """
 
     name: str
@@ -138,7 +146,8 @@ class Arm:
     joints: tuple[Joint, ...]
     links: tuple[Link, ...] = ()
     flange: Offsets = ()
-    allowed: frozenset[frozenset[str]] = frozenset()  # pairs of links that may touch, or that can never touch
+    # pairs of links that may touch, or that can never touch
+    allowed: frozenset[frozenset[str]] = frozenset()
     assumptions: tuple[str, ...] = ()
 
 
@@ -153,7 +162,9 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class MountedArm:
-    """An arm in a cell: where its base stands, the tool point after its flange, and a configuration to rest in."""
+    """An arm in a cell: where its base stands, the tool point after its flange, and a
+    configuration to rest in.
+    """
 
     arm: Arm
     base: Placement = Placement()
@@ -172,7 +183,8 @@ class BodyKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Guide:
-    """How a body moves on what it stands on: along or about `axis`, in its own frame, from `lower` to `upper` (m or rad).
+    """How a body moves on what it stands on: along or about `axis`, in its own frame, from `lower`
+    to `upper` (m or rad).
 
     At 0 it is where the file places it. With `follows` it always goes as far as that body.
     """
@@ -186,8 +198,8 @@ class Guide:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A solid thing: its shapes, where it is at the start, and named poses on it (such as where to grip it,
-    or its tip). With a `guide` it slides or swings on what it stands on.
+    """A solid thing: its shapes, where it is at the start, and named poses on it (such as where to
+    grip it, or its tip). With a `guide` it slides or swings on what it stands on.
     """
 
     name: str
@@ -217,7 +229,9 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """A space in which people may be: while an arm is in it, no point of the arm moves faster than `speed_m_s`."""
+    """A space in which people may be: while an arm is in it, no point of the arm moves faster
+    than `speed_m_s`.
+    """
 
     name: str
     shape: Shape
@@ -229,9 +243,9 @@ class Zone:
 class Place:
     """The meaning of a place in an atom: the pose that an arm's tool point takes there.
 
-    With `tool`, a body in the hand, the feature `tip` of that body takes the pose instead. `approach_m` backs
-    off along the tool's z. `turns` lets the tool turn about its own z. `touches` are the bodies that may be
-    in contact there, overlapping by at most `depth_m`.
+    With `tool`, a body in the hand, the feature `tip` of that body takes the pose instead.
+    `approach_m` backs off along the tool's z. `turns` lets the tool turn about its own z. `touches`
+    are the bodies that may be in contact there, overlapping by at most `depth_m`.
     """
 
     name: str
@@ -248,10 +262,11 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Where a fact puts a body: its feature `by` (else `grip`, else its own frame) takes the pose of a place, or of a frame.
+    """Where a fact puts a body: its feature `by` (else `grip`, else its own frame) takes the pose
+    of a place, or of a frame.
 
-    With `value` (m or rad) the body goes that far along its guide instead. `body` and `place` are terms, and `frame` is the
-    name of a frame. All three may contain variables of the fact.
+    With `value` (m or rad) the body goes that far along its guide instead. `body` and `place` are
+    terms, and `frame` is the name of a frame. All three may contain variables of the fact.
     """
 
     fact: Atom
@@ -264,7 +279,9 @@ class Location:
 
 
 class Ends(Enum):
-    """Where the arm is after a step: back before the place, in it, or before it without having been in it."""
+    """Where the arm is after a step: back before the place, in it, or before it without having
+    been in it.
+    """
 
     OUTSIDE = "outside"
     INSIDE = "inside"
@@ -275,9 +292,10 @@ class Ends(Enum):
 class Operation:
     """What an arm does in a step of an operator: `operator` is its name with variables.
 
-    The arm goes to the place `at`; there it takes or leaves what the facts after the step say, and moves the body `drags` along
-    its guide. `drives` is a body that moves the arm, at rest, along its guide. `takes_s` is spent at the place. Another arm is at
-    the place `with_place` meanwhile: it goes there first and leaves last. Both carry the body `carries` together from there.
+    The arm goes to the place `at`; there it takes or leaves what the facts after the step say, and
+    moves the body `drags` along its guide. `drives` is a body that moves the arm, at rest, along
+    its guide. `takes_s` is spent at the place. Another arm is at the place `with_place` meanwhile:
+    it goes there first and leaves last. Both carry the body `carries` together from there.
     """
 
     operator: Function
@@ -293,7 +311,9 @@ class Operation:
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A rectangle in the picture of a scanner: where its middle is and how large it is, across the field of view (m)."""
+    """A rectangle in the picture of a scanner: where its middle is and how large it is, across
+    the field of view (m).
+    """
 
     at_m: tuple[float, float]
     size_m: tuple[float, float]
@@ -301,8 +321,9 @@ class Patch:
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """From where a scanner sees a patch: each of its `eyes`, features of the tool, from `range_m` (least, greatest), at most
-    `incidence_rad` off the normal, with nothing in between. It looks while it is `back_m` off the place along its z.
+    """From where a scanner sees a patch: each of its `eyes`, features of the tool, from `range_m`
+    (least, greatest), at most `incidence_rad` off the normal, with nothing in between. It looks
+    while it is `back_m` off the place along its z.
     """
 
     eyes: tuple[str, ...]
@@ -315,9 +336,10 @@ class Sight:
 class Measuring:
     """How a tool takes a measurement that has a position, but no place of its own.
 
-    `approach_m` is how far it backs off along its z, `touches` are the bodies that it may touch. `tilts_rad` are the angles to
-    the normal that are allowed, those that are preferred first. `field_m` is the width of what a scanner sees, `patch_m` the
-    least and the greatest side of a patch. `ranging` is what a laser ranging tool is like.
+    `approach_m` is how far it backs off along its z, `touches` are the bodies that it may touch.
+    `tilts_rad` are the angles to the normal that are allowed, those that are preferred first.
+    `field_m` is the width of what a scanner sees, `patch_m` the least and the greatest side of a
+    patch. `ranging` is what a laser ranging tool is like.
     """
 
     approach_m: float = 0.0
@@ -349,7 +371,9 @@ class Cell:
 
 
 def place_position(cell: Cell, place: str, frame: str = WORLD_FRAME) -> Vector | None:
-    """The point of a place in a frame of the cell; None if there is no such place, or if an arm moves one of them."""
+    """The point of a place in a frame of the cell; None if there is no such place, or if an arm
+    moves one of them.
+    """
     if place not in cell.places:
         return None
     at = cell.places[place].placement
@@ -376,7 +400,9 @@ def _to_world(cell: Cell, at: Placement) -> tuple[Pose, ...] | None:
 
 
 def _poses_to_world(cell: Cell, frame: str) -> tuple[Pose, ...] | None:
-    """The poses that lead from a frame to the world; None if the frame moves, or if there is none of its name."""
+    """The poses that lead from a frame to the world; None if the frame moves, or if there is
+    none of its name.
+    """
     owner, _, part = frame.partition(".")
     if frame in cell.frames:
         return _to_world(cell, cell.frames[frame])
@@ -391,7 +417,9 @@ def _poses_to_world(cell: Cell, frame: str) -> tuple[Pose, ...] | None:
 
 
 def _to_parent(pose: Pose, point: Vector) -> Vector:
-    """A point in a frame, seen from the parent of the frame: R = Rz(yaw) Ry(pitch) Rx(roll), then the position."""
+    """A point in a frame, seen from the parent of the frame: R = Rz(yaw) Ry(pitch) Rx(roll),
+    then the position.
+    """
     x, y, z = point
     roll, pitch, yaw = pose.rpy_rad
     y, z = _turn_coordinates(y, z, roll)

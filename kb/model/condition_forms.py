@@ -39,8 +39,12 @@ from cellwright.kb.terms import (
 
 
 def free_variables(condition: Condition) -> tuple[Variable, ...]:
-    """The variables that no quantifier inside binds, each once, in order of occurrence, without `_`."""
-    return tuple(dict.fromkeys(variable for variable in _free_occurrences(condition) if variable != ANYTHING))
+    """The variables that no quantifier inside binds, each once, in order of occurrence, without
+    `_`.
+    """
+    return tuple(
+        dict.fromkeys(variable for variable in _free_occurrences(condition) if variable != ANYTHING)
+    )
 
 
 def _free_occurrences(condition: Condition) -> Iterator[Variable]:
@@ -58,7 +62,10 @@ def _free_occurrences(condition: Condition) -> Iterator[Variable]:
 
 
 def bind_variables(condition: Condition, bindings: Substitution) -> Condition:
-    """The condition with free variables replaced. A quantified variable hides a binding of the same name."""
+    """The condition with free variables replaced.
+
+    A quantified variable hides a binding of the same name.
+    """
     match condition:
         case Literal() | Comparison() | Aggregate() | StateAggregate():
             return substitute_part(condition, bindings)
@@ -67,10 +74,14 @@ def bind_variables(condition: Condition, bindings: Substitution) -> Condition:
         case Not(part):
             return Not(bind_variables(part, bindings))
         case Exists(parameters, part) | ForAll(parameters, part):
-            return type(condition)(parameters, bind_variables(part, _unhidden_bindings(bindings, parameters)))
+            return type(condition)(
+                parameters, bind_variables(part, _unhidden_bindings(bindings, parameters))
+            )
 
 
-def _unhidden_bindings(bindings: Substitution, parameters: tuple[Parameter, ...]) -> dict[Variable, Term]:
+def _unhidden_bindings(
+    bindings: Substitution, parameters: tuple[Parameter, ...]
+) -> dict[Variable, Term]:
     hidden = {parameter.variable for parameter in parameters}
     return {variable: value for variable, value in bindings.items() if variable not in hidden}
 
@@ -95,7 +106,9 @@ def enumerable_parameters(parameters: Iterable[Parameter]) -> set[Variable]:
 
 
 def variables_bound_by(bound: Collection[Variable], parts: Iterable[Condition]) -> set[Variable]:
-    """`bound`, and the variables that positive atoms, equations and counted sets among `parts` bind."""
+    """`bound`, and the variables that positive atoms, equations and counted sets among `parts`
+    bind.
+    """
     parts, known_variables = tuple(parts), set(bound)
     for part in parts:
         match part:
@@ -106,7 +119,9 @@ def variables_bound_by(bound: Collection[Variable], parts: Iterable[Condition]) 
     equations = [part for part in parts if isinstance(part, Comparison) and part.relation == "="]
     while (
         more := {
-            variable for equation in equations for variable in _solved_variables(equation, known_variables)
+            variable
+            for equation in equations
+            for variable in _solved_variables(equation, known_variables)
         }
         - known_variables
     ):
@@ -115,7 +130,10 @@ def variables_bound_by(bound: Collection[Variable], parts: Iterable[Condition]) 
 
 
 def _solved_variables(equation: Comparison, bound: set[Variable]) -> Iterator[Variable]:
-    for bound_side, solved_side in ((equation.left, equation.right), (equation.right, equation.left)):
+    for bound_side, solved_side in (
+        (equation.left, equation.right),
+        (equation.right, equation.left),
+    ):
         if bound.issuperset(term_variables(bound_side)):
             yield from bound_by_atom(solved_side)
 
@@ -161,9 +179,13 @@ class Normaliser:
     def _renamed_apart(
         self, parameters: tuple[Parameter, ...], part: Condition
     ) -> tuple[tuple[Parameter, ...], Condition]:
-        """The same part with variables that occur nowhere else, because disjuncts join their variables."""
+        """The same part with variables that occur nowhere else, because disjuncts join their
+        variables.
+        """
         fresh = {p.variable: Variable(f"{p.variable}__{next(self._counter)}") for p in parameters}
-        return tuple(Parameter(fresh[p.variable], p.type) for p in parameters), bind_variables(part, fresh)
+        return tuple(Parameter(fresh[p.variable], p.type) for p in parameters), bind_variables(
+            part, fresh
+        )
 
     def _negative(self, condition: Condition, types: dict[Variable, str]) -> list[Disjunct]:
         match condition:
@@ -183,17 +205,24 @@ class Normaliser:
                 return [(self._no(condition, types),)]
 
     def _no(self, condition: Condition, types: dict[Variable, str]) -> Literal:
-        """The literal that is true when `condition` is false for the values of its free variables."""
+        """The literal that is true when `condition` is false for the values of its free
+        variables.
+        """
         parameters = [
-            Parameter(variable, types.get(variable, OBJECT_TYPE)) for variable in free_variables(condition)
+            Parameter(variable, types.get(variable, OBJECT_TYPE))
+            for variable in free_variables(condition)
         ]
         head = Function(
-            f"{self.prefix}_{len(self.rules)}_{len(parameters)}", tuple(p.variable for p in parameters)
+            f"{self.prefix}_{len(self.rules)}_{len(parameters)}",
+            tuple(p.variable for p in parameters),
         )
         guards = tuple(
-            type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES or p.type == OBJECT_TYPE
+            type_literal(p)
+            for p in parameters
+            if p.type not in BUILT_IN_TYPES or p.type == OBJECT_TYPE
         )
-        self.rules.append(Rule(head, ()))  # keeps the name unique while inner conditions are compiled
+        # keeps the name unique while inner conditions are compiled
+        self.rules.append(Rule(head, ()))
         own = len(self.rules) - 1
         alternatives = self._positive(condition, types)
         self.rules[own : own + 1] = [Rule(head, (*guards, *body)) for body in alternatives]
@@ -217,16 +246,22 @@ def with_named_values(domain: Domain) -> Domain:
     named = _Naming()
     return replace(
         domain,
-        operators=tuple(replace(operator, body=named.body(operator.body)) for operator in domain.operators),
+        operators=tuple(
+            replace(operator, body=named.body(operator.body)) for operator in domain.operators
+        ),
         deductive_operators=tuple(
             replace(
                 deductive,
                 body=named.body(deductive.body),
-                consequences=tuple(replace(c, body=named.body(c.body)) for c in deductive.consequences),
+                consequences=tuple(
+                    replace(c, body=named.body(c.body)) for c in deductive.consequences
+                ),
             )
             for deductive in domain.deductive_operators
         ),
-        defaults=tuple(replace(default, body=named.body(default.body)) for default in domain.defaults),
+        defaults=tuple(
+            replace(default, body=named.body(default.body)) for default in domain.defaults
+        ),
         rules=tuple(map(named.rule, domain.rules)),
     )
 

@@ -44,7 +44,9 @@ class Literal:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A comparison of two terms, as ASP orders them; `=` binds or tests. If it is `exact`, sums do not wrap around."""
+    """A comparison of two terms, as ASP orders them; `=` binds or tests. If it is `exact`, sums
+    do not wrap around.
+    """
 
     left: Term
     relation: str  # = != < <= > >=
@@ -59,9 +61,9 @@ class Comparison:
 class Aggregate:
     """An ASP aggregate over statics, kept as text because only clingo evaluates it.
 
-    `outer` are its variables that occur outside its braces. `binds` is the one of `outer` that takes the
-    aggregate's value. `standing` are all variables, inside and outside, as often as they occur. `uses` are
-    the predicates that it counts.
+    `outer` are its variables that occur outside its braces. `binds` is the one of `outer` that
+    takes the aggregate's value. `standing` are all variables, inside and outside, as often as they
+    occur. `uses` are the predicates that it counts.
     """
 
     text: str
@@ -97,10 +99,11 @@ class Element:
 
 @dataclass(frozen=True, slots=True)
 class StateAggregate:
-    """An ASP aggregate over what can change, in a rule: the `function` of a set of tuples, compared with the guards.
+    """An ASP aggregate over what can change, in a rule: the `function` of a set of tuples, compared
+    with the guards.
 
-    Each guard is (relation, term): the value stands left of the relation. `outer` are its variables that occur outside its
-    braces. It must be true if `positive`, else false.
+    Each guard is (relation, term): the value stands left of the relation. `outer` are its variables
+    that occur outside its braces. It must be true if `positive`, else false.
     """
 
     function: str  # count sum min max
@@ -160,7 +163,9 @@ class Exists:
 
     def __str__(self) -> str:
         if isinstance(self.part, Literal) and self.part.positive:
-            return str(substitute_atom(self.part.atom, {p.variable: ANYTHING for p in self.parameters}))
+            return str(
+                substitute_atom(self.part.atom, {p.variable: ANYTHING for p in self.parameters})
+            )
         return self._compared or f"some {', '.join(map(str, self.parameters))} ({self.part})"
 
     @property
@@ -168,7 +173,9 @@ class Exists:
         """A comparison of quantities, as a person writes it; nothing if this is something else."""
         parts = self.part.parts if isinstance(self.part, And) else ()
         given = [
-            part.atom for part in parts if isinstance(part, Literal) and part.positive and part.atom.arguments
+            part.atom
+            for part in parts
+            if isinstance(part, Literal) and part.positive and part.atom.arguments
         ]
         values: dict[Variable, Term] = {
             atom.arguments[-1]: Function(atom.name, atom.arguments[:-1])
@@ -255,7 +262,10 @@ def substitute_part(part: BodyPart, bindings: Substitution) -> BodyPart:
             return part if made is atom else Literal(made, positive)
         case Comparison(left, relation, right):
             return Comparison(
-                substitute_term(left, bindings), relation, substitute_term(right, bindings), part.exact
+                substitute_term(left, bindings),
+                relation,
+                substitute_term(right, bindings),
+                part.exact,
             )
         case Aggregate():
             return part
@@ -278,7 +288,9 @@ def _substitute_aggregate(aggregate: StateAggregate, bindings: Substitution) -> 
         tuple((relation, substitute_term(term, own)) for relation, term in aggregate.guards),
         tuple(
             dict.fromkeys(
-                v for outer_term in aggregate.outer for v in term_variables(substitute_term(outer_term, own))
+                v
+                for outer_term in aggregate.outer
+                for v in term_variables(substitute_term(outer_term, own))
             )
         ),
         aggregate.positive,

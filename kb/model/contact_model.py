@@ -1,7 +1,7 @@
 """The contact model: object classes, anchor points, contacts, and octuples naming them.
 
-After Matthiesen, section 4. Lengths are in metres, angles in radians. Nothing is computed here; `cellwright.engine.stages.states`
-generates the contact states.
+After Matthiesen, section 4. Lengths are in metres, angles in radians. Nothing is computed here;
+`cellwright.engine.stages.states` generates the contact states.
 """
 
 import re
@@ -40,7 +40,9 @@ class Quadruple:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Octuple:
-    """A contact of two anchor points, or a template of contacts; `second` is void for a free anchor point."""
+    """A contact of two anchor points, or a template of contacts; `second` is void for a free
+    anchor point.
+    """
 
     first: Quadruple
     second: Quadruple
@@ -55,7 +57,9 @@ class Octuple:
 
     @property
     def order(self) -> int:
-        """The order of the contact class that it describes: 1 anchor classes, 2 object classes too, 3 anchor points too."""
+        """The order of the contact class that it describes: 1 anchor classes, 2 object classes
+        too, 3 anchor points too.
+        """
         ends = (self.first, self.second)
         if any(end.anchor != ANY and not is_variable_name(end.anchor) for end in ends):
             return 3
@@ -81,10 +85,12 @@ def void_of(anchor_class: str) -> Quadruple:
 
 
 def parse_octuple(text: str, classes: Collection[str] = ()) -> Octuple:
-    """The octuple in a text, in the normal form or in one of the paper's variants. Raises `NotAnOctuple`.
+    """The octuple in a text, in the normal form or in one of the paper's variants. Raises
+    `NotAnOctuple`.
 
-    The variants: no blanks, a dot in place of a colon, a hyphen in a name, and no hyphen between the quadruples,
-    where a variable, `*` or one of the known object `classes` shows where the second one begins.
+    The variants: no blanks, a dot in place of a colon, a hyphen in a name, and no hyphen between
+    the quadruples, where a variable, `*` or one of the known object `classes` shows where the
+    second one begins.
     """
     bare = "".join(text.split())
     fields = re.split("[:.]", bare)
@@ -109,7 +115,9 @@ def _read_name(text: str, place: int) -> str:
 
 
 def _split_quadruples(text: str, classes: Collection[str]) -> tuple[str, str]:
-    """The last name of the first quadruple and the first name of the second, which a hyphen parts, or nothing."""
+    """The last name of the first quadruple and the first name of the second, which a hyphen
+    parts, or nothing.
+    """
     cuts = [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer("-", text)]
     known = [(left, right) for left, right in cuts if right in classes or right == ANY]
     if known or cuts:
@@ -117,7 +125,8 @@ def _split_quadruples(text: str, classes: Collection[str]) -> tuple[str, str]:
     if text.endswith(ANY) and len(text) > 1:
         return text[:-1], ANY
     ends = sorted(
-        (class_name for class_name in classes if text.endswith(class_name) and text != class_name), key=len
+        (class_name for class_name in classes if text.endswith(class_name) and text != class_name),
+        key=len,
     )
     if ends:
         return text.removesuffix(ends[-1]), ends[-1]
@@ -134,11 +143,15 @@ NO_BINDINGS: Bindings = MappingProxyType({})
 def match_quadruple(
     template: Quadruple, point: Quadruple, kinds: Collection[str], bound: Bindings = NO_BINDINGS
 ) -> Bindings | None:
-    """The bindings with which a template describes an anchor point of an object of these `kinds`, or None.
+    """The bindings with which a template describes an anchor point of an object of these `kinds`,
+    or None.
 
     `kinds` are the object's class and the classes above it.
     """
-    if template.object_class not in (ANY, *kinds) or template.anchor_class not in (ANY, point.anchor_class):
+    if template.object_class not in (ANY, *kinds) or template.anchor_class not in (
+        ANY,
+        point.anchor_class,
+    ):
         return None
     bindings = dict(bound)
     for wanted, name, key in (
@@ -154,7 +167,10 @@ def match_quadruple(
 
 
 def number_objects(octuples: Collection[Octuple]) -> tuple[Octuple, ...]:
-    """Octuples with their objects numbered O1, O2, ... in the order in which they appear. Variables of points stay."""
+    """Octuples with their objects numbered O1, O2, ... in the order in which they appear.
+
+    Variables of points stay.
+    """
     names: dict[str, str] = {}
 
     def renamed(point: Quadruple) -> Quadruple:
@@ -183,7 +199,10 @@ class AnchorPoint:
 
 @dataclass(frozen=True, slots=True)
 class ObjectClass:
-    """Objects with the same anchor points. `anchors` includes those of the classes above; `lineage` begins with itself."""
+    """Objects with the same anchor points.
+
+    `anchors` includes those of the classes above; `lineage` begins with itself.
+    """
 
     name: str
     lineage: tuple[str, ...]
@@ -206,8 +225,9 @@ class OneWay(Enum):
 class ContactClass:
     """Contacts that a template describes; `key` and `lock` are its two ends.
 
-    `freedom` lists mechanical degrees of freedom, such as `turn z`; a contact without any is fixed. A contact class that
-    stands `over` another is made and broken only while that one holds between the same objects, and keeps it.
+    `freedom` lists mechanical degrees of freedom, such as `turn z`; a contact without any is fixed.
+    A contact class that stands `over` another is made and broken only while that one holds between
+    the same objects, and keeps it.
     """
 
     name: str
@@ -239,10 +259,12 @@ class ContactClass:
 
 @dataclass(frozen=True, slots=True)
 class PermanentContact:
-    """A contact that is never taken apart: a joint, or fixed if there is no `freedom`. `first` may be the `ground`.
+    """A contact that is never taken apart: a joint, or fixed if there is no `freedom`. `first` may
+    be the `ground`.
 
-    A joint is controllable, driven by another object (`by`), or passive. `settings` are the named states of the joint,
-    each with the pose (a displacement of the second object along the first one's frame) that it means.
+    A joint is controllable, driven by another object (`by`), or passive. `settings` are the named
+    states of the joint, each with the pose (a displacement of the second object along the first
+    one's frame) that it means.
     """
 
     name: str
@@ -269,7 +291,9 @@ class Undesirable:
 
 @dataclass(frozen=True, slots=True)
 class Relevance:
-    """Whether the contacts of a template matter in clusters in which `during` holds (None: in all)."""
+    """Whether the contacts of a template matter in clusters in which `during` holds (None: in
+    all).
+    """
 
     contact: Octuple
     matters: bool
@@ -286,7 +310,9 @@ class ConditionKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Restriction:
-    """A condition at run time on making or breaking the contacts of a template, in clusters in which `during` holds."""
+    """A condition at run time on making or breaking the contacts of a template, in clusters in
+    which `during` holds.
+    """
 
     contact: Octuple
     kind: ConditionKind
@@ -300,7 +326,10 @@ class Restriction:
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """The facts of the domain that a contact stands for, while it holds and when it is broken. Variables are objects."""
+    """The facts of the domain that a contact stands for, while it holds and when it is broken.
+
+    Variables are objects.
+    """
 
     contact: Octuple
     made: tuple[Atom, ...]
@@ -310,7 +339,10 @@ class Meaning:
 
 @dataclass(frozen=True, slots=True)
 class ContactModel:
-    """The whole model. Mappings keep the order of declaration. `objects` gives the class of each instance."""
+    """The whole model. Mappings keep the order of declaration.
+
+    `objects` gives the class of each instance.
+    """
 
     name: str
     classes: Mapping[str, ObjectClass] = field(default_factory=dict)
@@ -325,7 +357,8 @@ class ContactModel:
     processes: tuple[str, ...] = ()
     filters: tuple[str, ...] = ()
     gravity: bool = True
-    bodies: Mapping[str, str] = field(default_factory=dict)  # objects: the bodies of the cell that they are
+    # objects: the bodies of the cell that they are
+    bodies: Mapping[str, str] = field(default_factory=dict)
     path: str = ""
 
     def kinds(self, instance: str) -> tuple[str, ...]:
@@ -339,10 +372,16 @@ class ContactModel:
 
 
 def class_of(
-    contact: Octuple, contact_classes: Mapping[str, ContactClass], classes: Mapping[str, ObjectClass]
+    contact: Octuple,
+    contact_classes: Mapping[str, ContactClass],
+    classes: Mapping[str, ObjectClass],
 ) -> ContactClass | None:
-    """The first contact class whose template describes a contact that has its key first, or None."""
-    first, second = (classes[quadruple.object_class].lineage for quadruple in (contact.first, contact.second))
+    """The first contact class whose template describes a contact that has its key first, or
+    None.
+    """
+    first, second = (
+        classes[quadruple.object_class].lineage for quadruple in (contact.first, contact.second)
+    )
     for contact_class in contact_classes.values():
         bound = match_quadruple(contact_class.key, contact.first, first)
         if (
@@ -358,7 +397,9 @@ def template_bindings(
 ) -> Iterator[Bindings]:
     """The bindings with which a template describes a contact, named from either end."""
     for turned in (contact, contact.turned):
-        first = match_quadruple(template.first, turned.first, model.kinds(turned.first.instance), bound)
+        first = match_quadruple(
+            template.first, turned.first, model.kinds(turned.first.instance), bound
+        )
         if first is not None:
             second = match_quadruple(
                 template.second, turned.second, model.kinds(turned.second.instance), first

@@ -9,14 +9,22 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from cellwright.kb.diagnostics import NOWHERE, Source
-from cellwright.kb.model.conditions import ALWAYS_TRUE, Body, Condition, Literal, Parameter, StateAggregate
+from cellwright.kb.model.conditions import (
+    ALWAYS_TRUE,
+    Body,
+    Condition,
+    Literal,
+    Parameter,
+    StateAggregate,
+)
 from cellwright.kb.model.statement import Statement
 from cellwright.kb.terms import Atom, Function, Term, Variable
 
 if TYPE_CHECKING:
     from cellwright.kb.model.name_conventions import Conventions
 
-RUN_TOOLS = ("sequencer", "library", "planner", "scheduler", "diagnosis")  # of the top level of a run
+# of the top level of a run
+RUN_TOOLS = ("sequencer", "library", "planner", "scheduler", "diagnosis")
 OBJECT_TYPE = "object"
 NUMERIC_TYPES = ("int", "time")
 BUILT_IN_TYPES = (OBJECT_TYPE, *NUMERIC_TYPES, "text")
@@ -54,7 +62,9 @@ class Kind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Predicate:
-    """A predicate with its argument types; `weight` is its criticality (None: derived from the operators)."""
+    """A predicate with its argument types; `weight` is its criticality (None: derived from the
+    operators).
+    """
 
     name: str
     arguments: tuple[str, ...]
@@ -65,7 +75,9 @@ class Predicate:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number that operators change: a fluent whose last argument is its value, from `low` to `high`; None is no bound."""
+    """A number that operators change: a fluent whose last argument is its value, from `low` to
+    `high`; None is no bound.
+    """
 
     name: str
     low: int | None
@@ -75,7 +87,9 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """`atom` becomes true (`adds`) or false, for every binding of `parameters` whose `condition` held before."""
+    """`atom` becomes true (`adds`) or false, for every binding of `parameters` whose
+    `condition` held before.
+    """
 
     atom: Atom
     adds: bool = True
@@ -87,9 +101,10 @@ class Effect:
 class Measure:
     """What a step measures: the `quantity` `of` something, as `value` in the reply, with a tool.
 
-    The value should be `nominal` and lie in a zone as wide as `tolerance` around it, or between `lower` and `upper`. All
-    these count `unit`s, and so does `uncertainty`, the expanded one of a value (two standard deviations). `risk` is how many
-    percent of the decisions may be wrong, `worth` is how long it may take to come to a decision. `usual` is about what a value is where no
+    The value should be `nominal` and lie in a zone as wide as `tolerance` around it, or between
+    `lower` and `upper`. All these count `unit`s, and so does `uncertainty`, the expanded one of a
+    value (two standard deviations). `risk` is how many percent of the decisions may be wrong,
+    `worth` is how long it may take to come to a decision. `usual` is about what a value is where no
     nominal value is known: a simulated part gives it, and nothing is judged by it.
     """
 
@@ -111,8 +126,8 @@ class Measure:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What the executive sends for a step, the reply that it expects, the fact that the reply gives (ITA, figure 3), and
-    what is measured with it.
+    """What the executive sends for a step, the reply that it expects, the fact that the reply gives
+    (ITA, figure 3), and what is measured with it.
     """
 
     stream: Term
@@ -123,7 +138,9 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A fact that is looked at in the cell itself when a step begins; also while it lasts if it has to hold `during` it."""
+    """A fact that is looked at in the cell itself when a step begins; also while it lasts if it
+    has to hold `during` it.
+    """
 
     fact: Atom
     during: bool = False
@@ -131,7 +148,9 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """A static operator. `where` is a body over statics whose variables outside `parameters` are existential."""
+    """A static operator. `where` is a body over statics whose variables outside `parameters`
+    are existential.
+    """
 
     name: str
     parameters: tuple[Parameter, ...]
@@ -204,7 +223,8 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Phrase:
-    """A sentence pattern and the stage or goal that it stands for. The command grammar reads patterns.
+    """A sentence pattern and the stage or goal that it stands for. The command grammar reads
+    patterns.
 
     `subject` is the slot whose object the act is about; empty: the first in the pattern.
     """
@@ -218,7 +238,8 @@ class Phrase:
 
 @lru_cache(maxsize=64)
 def _renamed_conventions(renamed: tuple[tuple[str, str], ...]) -> "Conventions":
-    from cellwright.kb.model.name_conventions import Conventions  # only measurements and schedules use them
+    # only measurements and schedules use them
+    from cellwright.kb.model.name_conventions import Conventions
 
     return Conventions(**dict(renamed))
 
@@ -279,9 +300,11 @@ DISTANCE_TERM = "distance"  # what durations and costs call the length of a way
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Straight ways at `speed`, in micrometres per unit of the domain's time, which is greater than 0.
+    """Straight ways at `speed`, in micrometres per unit of the domain's time, which is greater than
+    0.
 
-    Each way between two different places takes `settling` units more. Points are in the frame `frame` of the cell.
+    Each way between two different places takes `settling` units more. Points are in the frame
+    `frame` of the cell.
     """
 
     speed: Fraction
@@ -290,11 +313,14 @@ class Motion:
     where: Source = field(default=NOWHERE, compare=False)
 
     def time(self, here: Point, there: Point) -> int:
-        """The time from one place to another one, in the domain's unit, rounded up to a whole number."""
+        """The time from one place to another one, in the domain's unit, rounded up to a whole
+        number.
+        """
         first, scale = self.settling.numerator * self.speed.numerator, self.settling.denominator
         squared = _squared_distance(here, there) * (self.speed.denominator * scale) ** 2
         root = math.isqrt(squared)
-        below = root - 1 if root * root == squared else root  # the greatest whole number below the exact root
+        # the greatest whole number below the exact root
+        below = root - 1 if root * root == squared else root
         return (below + first) // (self.speed.numerator * scale) + 1
 
 

@@ -1,7 +1,7 @@
 """Fault knowledge of a kind of cell: exceptions, causes, tests and repairs.
 
-Atoms may contain variables. The interrupted step binds those of its operator; any other variable means
-"some".
+Atoms may contain variables. The interrupted step binds those of its operator; any other variable
+means "some".
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,8 +16,8 @@ from cellwright.kb.terms import ANYTHING, Atom, Function, Term
 class Interruption:
     """An exception: a reply or a timeout that stops a plan, and how often each cause was found.
 
-    `operator` is the operator whose command gets this answer; its variables stand for the step's arguments.
-    None means any operator.
+    `operator` is the operator whose command gets this answer; its variables stand for the step's
+    arguments. None means any operator.
     """
 
     name: str
@@ -32,12 +32,13 @@ class Interruption:
 class Cause:
     """A fault. `doubts` are assertions that are uncertain while this cause is possible.
 
-    If it is the cause, `denies` are removed from the world model, `adds` are added, and `loses` are resources
-    that are lost. `completes` says that the interrupted step has done what it should. `stops` says that the cell
-    cannot repair it: the cell stops safely and asks.
+    If it is the cause, `denies` are removed from the world model, `adds` are added, and `loses` are
+    resources that are lost. `completes` says that the interrupted step has done what it should.
+    `stops` says that the cell cannot repair it: the cell stops safely and asks.
 
-    `blocks` are steps that fail as long as the cause is there; None leaves that to `FaultModel.blocked`. `spoils` are
-    facts and events: what earlier steps achieved of them is open again, back to the last step that is one of `since`.
+    `blocks` are steps that fail as long as the cause is there; None leaves that to
+    `FaultModel.blocked`. `spoils` are facts and events: what earlier steps achieved of them is open
+    again, back to the last step that is one of `since`.
     """
 
     name: str
@@ -56,10 +57,11 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class FaultTest:
-    """A test: `gives[cause][outcome]` is the probability of an outcome under a cause; others give `otherwise`.
+    """A test: `gives[cause][outcome]` is the probability of an outcome under a cause; others give
+    `otherwise`.
 
-    `by` is the step that carries it out. `asks` says whether it is a question to a person. Costs and
-    durations are in the domain's unit of time.
+    `by` is the step that carries it out. `asks` says whether it is a question to a person. Costs
+    and durations are in the domain's unit of time.
     """
 
     name: str
@@ -86,8 +88,8 @@ class FaultTest:
 class Repair:
     """A repair. `cures[cause]` is the probability that it removes a cause.
 
-    If it does, `adds` and `denies` change the world, and `loses` are resources that stay lost: the repair is to go on
-    without them. `by` is the step that carries it out, whether it helps or not.
+    If it does, `adds` and `denies` change the world, and `loses` are resources that stay lost: the
+    repair is to go on without them. `by` is the step that carries it out, whether it helps or not.
     """
 
     name: str
@@ -108,8 +110,9 @@ class Repair:
 class FaultModel:
     """The fault base of a domain. Mappings keep the order of declaration.
 
-    `smoothing` is added to every count. `stop` is the cost of a safe stop with a question. `lies` is the
-    probability that an observation is wrong; it is used only if nothing else explains the observations.
+    `smoothing` is added to every count. `stop` is the cost of a safe stop with a question. `lies`
+    is the probability that an observation is wrong; it is used only if nothing else explains the
+    observations.
     """
 
     domain: str
@@ -135,8 +138,8 @@ class FaultModel:
     def blocked(self, cause: str, exception: str) -> tuple[Function, ...]:
         """The steps that fail as long as a cause is there, as patterns.
 
-        Where a cause does not say it: none if it says what it changes in the world and the cell can go on, else the
-        interrupted operator with whatever arguments.
+        Where a cause does not say it: none if it says what it changes in the world and the cell can
+        go on, else the interrupted operator with whatever arguments.
         """
         entry, operator = self.causes[cause], self.exceptions[exception].operator
         if entry.blocks is not None:
@@ -148,7 +151,9 @@ class FaultModel:
         return (Function(operator.name, (ANYTHING,) * len(operator.arguments)),)
 
     def priors(self, exception: str, counts: Mapping[str, float] | None = None) -> dict[str, float]:
-        """The probability of each cause of an exception: (count + smoothing) over their sum (Laplace, Lidstone)."""
+        """The probability of each cause of an exception: (count + smoothing) over their sum
+        (Laplace, Lidstone).
+        """
         seen = self.exceptions[exception].counts if counts is None else counts
         causes = self.exceptions[exception].counts
         total = sum(seen.get(cause, 0.0) + self.smoothing for cause in causes)
@@ -166,9 +171,13 @@ class FaultModel:
         """
         order = tuple(self.exceptions[exception].counts)
         tests = (
-            [[test.likelihood(o, c) for c in order] for o in test.outcomes] for test in self.tests.values()
+            [[test.likelihood(o, c) for c in order] for o in test.outcomes]
+            for test in self.tests.values()
         )
-        return [tuple(order[index] for index in group) for group in inseparable_causes(tests, len(order))]
+        return [
+            tuple(order[index] for index in group)
+            for group in inseparable_causes(tests, len(order))
+        ]
 
 
 def _alike_causes(test: FaultTest, causes: tuple[str, ...]) -> bool:
@@ -176,21 +185,29 @@ def _alike_causes(test: FaultTest, causes: tuple[str, ...]) -> bool:
     return len(rows) < 2
 
 
-def inseparable_causes(tests: Iterable[Sequence[Sequence[float]]], count: int) -> list[tuple[int, ...]]:
-    """The classes of more than one of `count` causes, by their numbers, that no test surely separates.
+def inseparable_causes(
+    tests: Iterable[Sequence[Sequence[float]]], count: int
+) -> list[tuple[int, ...]]:
+    """The classes of more than one of `count` causes, by their numbers, that no test surely
+    separates.
 
-    Of each test the probabilities of its outcomes are given (outcomes, causes). It surely separates two causes if each
-    outcome rules out at least one of them. Causes that are not separated from the same one are in one class.
+    Of each test the probabilities of its outcomes are given (outcomes, causes). It surely separates
+    two causes if each outcome rules out at least one of them. Causes that are not separated from
+    the same one are in one class.
     """
-    alike = [(1 << count) - 1] * count  # for each cause, the set of those that nothing separates from it
+    # for each cause, the set of those that nothing separates from it
+    alike = [(1 << count) - 1] * count
     for rows in tests:
-        possible = [sum(1 << cause for cause, chance in enumerate(row) if chance > 0.0) for row in rows]
+        possible = [
+            sum(1 << cause for cause, chance in enumerate(row) if chance > 0.0) for row in rows
+        ]
         for cause in range(count):
             shared = 0
             for causes in possible:
                 shared |= causes if causes >> cause & 1 else 0
             alike[cause] &= shared | 1 << cause
     graph = {
-        cause: [other for other in range(count) if near >> other & 1] for cause, near in enumerate(alike)
+        cause: [other for other in range(count) if near >> other & 1]
+        for cause, near in enumerate(alike)
     }
     return sorted(tuple(sorted(group)) for group in strong_components(graph) if len(group) > 1)

@@ -1,8 +1,8 @@
 """Results of a run: measured values, whether they conform, and what objects underwent.
 
-The true value is taken as normally distributed about the measured one (GUM, JCGM 106). With one limit far from the other the rule
-is a guard band: at a risk of 5 % the value has to keep 1.645 standard deviations inside the limit. Where the zone is so
-narrow that both limits count, both do.
+The true value is taken as normally distributed about the measured one (GUM, JCGM 106). With one
+limit far from the other the rule is a guard band: at a risk of 5 % the value has to keep 1.645
+standard deviations inside the limit. Where the zone is so narrow that both limits count, both do.
 """
 
 import math
@@ -23,18 +23,26 @@ class Conformity(StrEnum):
 
 
 def share_within(value: float, lower: float | None, upper: float | None, sigma: float) -> float:
-    """How probable it is that the true value lies between the limits, for a measured value with a standard deviation above 0."""
+    """How probable it is that the true value lies between the limits, for a measured value with
+    a standard deviation above 0.
+    """
     above = 1.0 if upper is None else _share_below(upper - value, sigma)
     under = 0.0 if lower is None else _share_below(lower - value, sigma)
     return max(0.0, above - under)
 
 
 def check_conformity(
-    value: float, lower: float | None, upper: float | None, uncertainty: float, risk: float = RISK_PERCENT
+    value: float,
+    lower: float | None,
+    upper: float | None,
+    uncertainty: float,
+    risk: float = RISK_PERCENT,
 ) -> Conformity | None:
-    """What a value with its expanded uncertainty (two standard deviations) shows; None if it has no limits.
+    """What a value with its expanded uncertainty (two standard deviations) shows; None if it has no
+    limits.
 
-    At most `risk` percent of the values that just show something show it wrongly. Without uncertainty every value decides.
+    At most `risk` percent of the values that just show something show it wrongly. Without
+    uncertainty every value decides.
     """
     if lower is None and upper is None:
         return None
@@ -57,11 +65,12 @@ def _share_below(off: float, sigma: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One value that was measured: the `quantity` `of` something, by `tool`, with the step `action`.
+    """One value that was measured: the `quantity` `of` something, by `tool`, with the step
+    `action`.
 
-    `nominal` is what it should be. It passes if it is at least `lower` and at most `upper`, which count `unit`s like the
-    value. None: nobody said. `uncertainty` is the expanded one of the value, two standard deviations; `risk` is how many percent
-    of the decisions may be wrong.
+    `nominal` is what it should be. It passes if it is at least `lower` and at most `upper`, which
+    count `unit`s like the value. None: nobody said. `uncertainty` is the expanded one of the value,
+    two standard deviations; `risk` is how many percent of the decisions may be wrong.
     """
 
     of: str
@@ -87,7 +96,9 @@ class Measured:
 
     @property
     def conformity(self) -> Conformity | None:
-        """What the value shows by ISO 14253-1; None if it has no limits, or if nobody said how uncertain it is."""
+        """What the value shows by ISO 14253-1; None if it has no limits, or if nobody said how
+        uncertain it is.
+        """
         if self.uncertainty is None:
             return None
         risk = RISK_PERCENT if self.risk is None else self.risk
@@ -107,7 +118,9 @@ class Treated:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """What a run gave. `started` is when it began, as ISO 8601 with a time zone; empty if that is not known."""
+    """What a run gave. `started` is when it began, as ISO 8601 with a time zone; empty if that
+    is not known.
+    """
 
     run: str
     started: str = ""

@@ -1,7 +1,7 @@
 """The names in a domain that have a meaning for the engine, and what each means.
 
-They say what to measure, and when; there are no others. A domain declares the names that it needs. It may use
-another name for each (`conventions` in `domain.yaml`).
+They say what to measure, and when; there are no others. A domain declares the names that it needs.
+It may use another name for each (`conventions` in `domain.yaml`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,8 +25,8 @@ class Sort(Enum):
 class Convention:
     """A name that the engine reads or writes. It is `role`, unless the domain renames it.
 
-    `arguments` are types: `int`, `time` and `text` are those of the language, the others only say what is
-    meant. `used_by` are verbs of the command line.
+    `arguments` are types: `int`, `time` and `text` are those of the language, the others only say
+    what is meant. `used_by` are verbs of the command line.
     """
 
     role: str
@@ -46,8 +46,8 @@ class Convention:
         return f"{name or self.role}{brackets}"
 
     def deviation(self, sort: str, arguments: Sequence[str]) -> tuple[str, str] | None:
-        """How a declaration differs from what the engine reads, as a diagnostic code and a text; None if it
-        does not differ.
+        """How a declaration differs from what the engine reads, as a diagnostic code and a text;
+        None if it does not differ.
         """
         if sort != self.sort.value:
             return "K108", f"is {WITH_ARTICLE[sort]}, not {WITH_ARTICLE[self.sort.value]}"
@@ -71,7 +71,10 @@ WITH_ARTICLE = {
 
 
 def _named_field(sort: Sort, role: str, arguments: str, used_by: str, meaning: str) -> str:
-    """A field of `Conventions`. Its default is the role itself; its metadata hold the convention."""
+    """A field of `Conventions`.
+
+    Its default is the role itself; its metadata hold the convention.
+    """
     convention = Convention(role, sort, _split_names(arguments), _split_names(used_by), meaning)
     made: str = field(default=role, metadata={"convention": convention})
     return made
@@ -98,10 +101,18 @@ class Conventions:
     """The name that a domain gives to each convention."""
 
     measurement: str = _named_field(
-        Sort.TYPE, "measurement", "", ALL_USERS, "what is measured: each object of this type is one visit"
+        Sort.TYPE,
+        "measurement",
+        "",
+        ALL_USERS,
+        "what is measured: each object of this type is one visit",
     )
     meas: str = _named_field(
-        Sort.FUNCTION, "meas", "measurement", ALL_USERS, "the place of a measurement, also in `cell.yaml`"
+        Sort.FUNCTION,
+        "meas",
+        "measurement",
+        ALL_USERS,
+        "the place of a measurement, also in `cell.yaml`",
     )
     profile: str = _named_field(
         Sort.CONSTANT, "profile", "", IMPORT_USERS, "a kind of measurement: where a surface is"
@@ -109,7 +120,9 @@ class Conventions:
     thickness: str = _named_field(
         Sort.CONSTANT, "thickness", "", IMPORT_USERS, "a kind of measurement: how thick a wall is"
     )
-    needs: str = _static_field("needs", "measurement, kind", IMPORT_USERS, "of what kind a measurement is")
+    needs: str = _static_field(
+        "needs", "measurement, kind", IMPORT_USERS, "of what kind a measurement is"
+    )
     position: str = _static_field(
         "position", POINT_ARGUMENTS, ALL_USERS, "where a measurement is: x, y, z in micrometres"
     )
@@ -117,7 +130,8 @@ class Conventions:
         "normal",
         POINT_ARGUMENTS,
         IMPORT_USERS,
-        "the direction away from the material at a measurement: x, y, z in thousandths; `0, 0, -1000` if none is given",
+        "the direction away from the material at a measurement: x, y, z in thousandths; `0, 0, "
+        "-1000` if none is given",
     )
     tolerance: str = _static_field(
         "tolerance",
@@ -126,7 +140,10 @@ class Conventions:
         "how wide the tolerance zone of a measurement is, in micrometres",
     )
     nominal: str = _static_field(
-        "nominal", "measurement, int", IMPORT_USERS, "what a measurement should give, in micrometres"
+        "nominal",
+        "measurement, int",
+        IMPORT_USERS,
+        "what a measurement should give, in micrometres",
     )
     bore: str = _static_field(
         "bore",
@@ -135,26 +152,36 @@ class Conventions:
         "how wide the hole is that a measurement lies in, in micrometres",
     )
     prefers: str = _static_field(
-        "prefers", "measurement, tool", IMPORT_USERS, "a tool that is to take a measurement if it can"
+        "prefers",
+        "measurement, tool",
+        IMPORT_USERS,
+        "a tool that is to take a measurement if it can",
     )
     alignment: str = _static_field(
         "alignment",
         "measurement, int",
         "sequence, import",
-        "in which step of the alignment a measurement is made: 1 first; all of them come before the others",
+        "in which step of the alignment a measurement is made: 1 first; all of them come before "
+        "the others",
     )
     aligned_within: str = _static_field(
         "aligned_within",
         "int",
         "run",
-        "how well every measured point of the part has to be known once it is aligned: two standard deviations, in micrometres",
+        "how well every measured point of the part has to be known once it is aligned: two "
+        "standard deviations, in micrometres",
     )
     impossible: str = _static_field(
         "impossible", "measurement, text", ALL_USERS, "why no tool can take a measurement"
     )
-    chosen: str = _static_field("chosen", "tool, measurement", ALL_USERS, "which tool takes a measurement")
+    chosen: str = _static_field(
+        "chosen", "tool, measurement", ALL_USERS, "which tool takes a measurement"
+    )
     refused: str = _static_field(
-        "refused", "tool, measurement, text", ALL_USERS, "why a tool for its kind cannot take a measurement"
+        "refused",
+        "tool, measurement, text",
+        ALL_USERS,
+        "why a tool for its kind cannot take a measurement",
     )
     unavailable: str = _static_field(
         "unavailable", "tool", TOUR_USERS, "a tool was lost; the engine adds these facts"
@@ -163,13 +190,17 @@ class Conventions:
         "window",
         "measurement, time, time",
         TOUR_USERS,
-        "the earliest and the latest time at which a measurement may begin, from the start of the tour",
+        "the earliest and the latest time at which a measurement may begin, from the start of "
+        "the tour",
     )
     lasts: str = _static_field(
         "lasts", "measurement, time", TOUR_USERS, "how long a measurement takes in a tour"
     )
     before: str = _static_field(
-        "before", "measurement, measurement", TOUR_USERS, "the first measurement is made before the second"
+        "before",
+        "measurement, measurement",
+        TOUR_USERS,
+        "the first measurement is made before the second",
     )
     serves: str = _static_field(
         "serves",
@@ -187,16 +218,21 @@ class Conventions:
         "within_reach",
         "arm, measurement",
         TOUR_USERS,
-        "an arm that reaches a measurement; if nothing is said of one, the cell decides, and without a cell every arm does",
+        "an arm that reaches a measurement; if nothing is said of one, the cell decides, and "
+        "without a cell every arm does",
     )
     equips: str = _static_field(
         "equips",
         "tool, arm",
         TOUR_USERS,
-        "the arm that a tool is for; if nothing is said of a tool, one of several arms is chosen for it",
+        "the arm that a tool is for; if nothing is said of a tool, one of several arms is "
+        "chosen for it",
     )
     change: str = _static_field(
-        "change", "tool, tool, int", TOUR_USERS, "what a change of tools costs, as a way in micrometres"
+        "change",
+        "tool, tool, int",
+        TOUR_USERS,
+        "what a change of tools costs, as a way in micrometres",
     )
     measured: str = _named_field(
         Sort.FLUENT,
@@ -206,13 +242,20 @@ class Conventions:
         "a measurement is done; operators that add it are those that measure",
     )
     travel: str = _static_field(
-        "travel", "place, place, time", PLAN_USERS, "how long the arm travels empty from one place to another"
+        "travel",
+        "place, place, time",
+        PLAN_USERS,
+        "how long the arm travels empty from one place to another",
     )
     longest_stay: str = _static_field(
         "longest_stay", "place, time", TIME_USERS, "how long anything may stay in a place"
     )
-    release: str = _static_field("release", "object, time", TIME_USERS, "when the job of an object may start")
-    due: str = _static_field("due", "object, time", TIME_USERS, "when the job of an object should have ended")
+    release: str = _static_field(
+        "release", "object, time", TIME_USERS, "when the job of an object may start"
+    )
+    due: str = _static_field(
+        "due", "object, time", TIME_USERS, "when the job of an object should have ended"
+    )
     priority: str = _static_field(
         "priority",
         "object, int",
@@ -230,5 +273,6 @@ class Conventions:
 
 
 CONVENTION_BY_NAME: Mapping[str, Convention] = {
-    convention_field.name: convention_field.metadata["convention"] for convention_field in fields(Conventions)
+    convention_field.name: convention_field.metadata["convention"]
+    for convention_field in fields(Conventions)
 }

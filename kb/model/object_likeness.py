@@ -1,7 +1,7 @@
 """Objects that are alike: nothing that the goals can need tells them apart.
 
-Two objects are alike if exchanging them changes neither the goals nor any relevant fact. A relevant fact about two such
-objects ties them, and then neither is left out.
+Two objects are alike if exchanging them changes neither the goals nor any relevant fact. A relevant
+fact about two such objects ties them, and then neither is left out.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -27,14 +27,20 @@ OBJECT_STAND_IN = Function("?")
 
 
 def free_objects(problem: Problem) -> dict[str, str]:
-    """The objects, with their types, that neither goals nor operators and rules name, and over which nothing ranges."""
+    """The objects, with their types, that neither goals nor operators and rules name, and over
+    which nothing ranges.
+    """
     objects = {**problem.domain.objects, **problem.objects}
     fixed = {name for term in _terms_mentioned(problem) for name in constant_names(term)}
     ranged = _types_ranged_over(problem)
     barred = {
-        type_ for type_ in set(objects.values()) if any(problem.domain.is_subtype(type_, r) for r in ranged)
+        type_
+        for type_ in set(objects.values())
+        if any(problem.domain.is_subtype(type_, r) for r in ranged)
     }
-    return {name: type_ for name, type_ in objects.items() if name not in fixed and type_ not in barred}
+    return {
+        name: type_ for name, type_ in objects.items() if name not in fixed and type_ not in barred
+    }
 
 
 def alike_objects(free: Mapping[str, str], facts: Iterable[Atom]) -> tuple[tuple[str, ...], ...]:
@@ -51,7 +57,9 @@ def alike_objects(free: Mapping[str, str], facts: Iterable[Atom]) -> tuple[tuple
 
 
 def _fact_profiles(free: Mapping[str, str], facts: Iterable[Atom]) -> dict[str, set[Atom]]:
-    """What the facts say about each free object, which `?` stands for; objects that a fact ties are left out."""
+    """What the facts say about each free object, which `?` stands for; objects that a fact ties
+    are left out.
+    """
     profiles: dict[str, set[Atom]] = {name: set() for name in free}
     tied: set[str] = set()
     for fact in facts:
@@ -116,7 +124,9 @@ def _of_operator(operator: Operator) -> Iterator[Term]:
         yield from _condition_terms(effect.condition)
     yield from _of_body(operator.body)
     operator_terms = (*operator.resources, operator.duration, operator.cost)
-    yield Function("", tuple(operator_term for operator_term in operator_terms if operator_term is not None))
+    yield Function(
+        "", tuple(operator_term for operator_term in operator_terms if operator_term is not None)
+    )
 
 
 def _of_body(body: Body) -> Iterator[Term]:
@@ -139,24 +149,29 @@ def _of_part(part: BodyPart) -> Iterator[Term]:
 
 
 def _types_ranged_over(problem: Problem) -> set[str]:
-    """The types over all of whose objects something says something: no object of them may be left out.
+    """The types over all of whose objects something says something: no object of them may be left
+    out.
 
-    Those are types in universal conditions, in effects with parameters, and in rules of derived predicates; and all types
-    if an aggregate counts.
+    Those are types in universal conditions, in effects with parameters, and in rules of derived
+    predicates; and all types if an aggregate counts.
     """
     domain = problem.domain
     types: set[str] = set()
     for operator in domain.operators:
         types |= _universal_types(operator.precondition)
         for effect in operator.effects:
-            types |= {parameter.type for parameter in effect.parameters} | _universal_types(effect.condition)
+            types |= {parameter.type for parameter in effect.parameters} | _universal_types(
+                effect.condition
+            )
     types |= _universal_types(problem.goal)
     for rule in domain.rules:
         for literal in (Literal(rule.head), *rule.body):
             if isinstance(literal, Literal) and literal.atom.name in domain.predicates:
                 types |= set(domain.predicates[literal.atom.name].arguments)
     if domain.quantities or any(
-        isinstance(part, Aggregate | StateAggregate) for body in domain_bodies(domain) for part in body
+        isinstance(part, Aggregate | StateAggregate)
+        for body in domain_bodies(domain)
+        for part in body
     ):
         types.add("object")
     return _types_holding(domain, types)
@@ -170,13 +185,17 @@ def _universal_types(condition: Condition) -> set[str]:
             types |= {parameter.type for parameter in part.parameters}
         if isinstance(part, Not):
             types |= {
-                parameter.type for inner in parts_of(part) for parameter in getattr(inner, "parameters", ())
+                parameter.type
+                for inner in parts_of(part)
+                for parameter in getattr(inner, "parameters", ())
             }
     return types
 
 
 def domain_bodies(domain: Domain) -> Iterator[Body]:
-    """The bodies of operators, deductive operators with their consequences, and rules over fluents."""
+    """The bodies of operators, deductive operators with their consequences, and rules over
+    fluents.
+    """
     for operator in domain.operators:
         yield operator.body
     for deductive in domain.deductive_operators:
@@ -192,7 +211,9 @@ def _types_holding(domain: Domain, types: set[str]) -> set[str]:
         more = {
             argument
             for function in domain.functions.values()
-            if any(domain.is_subtype(function.result, holding_type) for holding_type in holding_types)
+            if any(
+                domain.is_subtype(function.result, holding_type) for holding_type in holding_types
+            )
             for argument in function.arguments
         }
         if more <= holding_types:
@@ -201,11 +222,16 @@ def _types_holding(domain: Domain, types: set[str]) -> set[str]:
 
 
 def most_at_once(domain: Domain, type_: str) -> int:
-    """The most objects of a type that one step can name, and that one of its consequences can name beside them."""
-    step = max((_most_held(domain, operator.parameters, type_) for operator in domain.operators), default=0)
+    """The most objects of a type that one step can name, and that one of its consequences can
+    name beside them.
+    """
+    step = max(
+        (_most_held(domain, operator.parameters, type_) for operator in domain.operators), default=0
+    )
     follows = (c.parameters for d in domain.deductive_operators for c in d.consequences)
     return step + max(
-        (_most_held(domain, consequence_parameters, type_) for consequence_parameters in follows), default=0
+        (_most_held(domain, consequence_parameters, type_) for consequence_parameters in follows),
+        default=0,
     )
 
 
@@ -218,4 +244,7 @@ def _may_hold(domain: Domain, wanted: str, type_: str) -> int:
     if domain.is_subtype(type_, wanted):
         return 1
     made = (f for f in domain.functions.values() if domain.is_subtype(f.result, wanted))
-    return max((sum(_may_hold(domain, argument, type_) for argument in f.arguments) for f in made), default=0)
+    return max(
+        (sum(_may_hold(domain, argument, type_) for argument in f.arguments) for f in made),
+        default=0,
+    )

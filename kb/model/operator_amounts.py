@@ -1,7 +1,8 @@
 """Durations, costs and resources of operator instances, from facts and declared travel.
 
-In a duration or a cost, `weight(Tool)` stands for the last argument of the only fact `weight(Tool, N)`, and
-`travel(From, To)` for the time between two places. What cannot be told is an error, never a default.
+In a duration or a cost, `weight(Tool)` stands for the last argument of the only fact `weight(Tool,
+N)`, and `travel(From, To)` for the time between two places. What cannot be told is an error, never
+a default.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -25,12 +26,16 @@ from cellwright.kb.terms import Function, Number, Operation, Substitution, Term,
 MAX_AMOUNT = 2**31 - 1  # clingo counts in 32 bits
 
 Arguments = tuple[Term, ...]
-Facts = Callable[[str, int], Iterable[Arguments]]  # the arguments of all facts of a static predicate
+# the arguments of all facts of a static predicate
+Facts = Callable[[str, int], Iterable[Arguments]]
 Standing = Callable[[str], Point | None]  # the point that the cell gives to a place, in micrometres
 
 
 class NoAmount(Exception):
-    """A duration, a cost or a travel time that cannot be told. The text says why; `hint` says what to try."""
+    """A duration, a cost or a travel time that cannot be told.
+
+    The text says why; `hint` says what to try.
+    """
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -43,10 +48,11 @@ class NotTold(NoAmount):
 
 @dataclass
 class Amounts:
-    """Durations and costs of one problem. Facts are read when they are first needed, once for each predicate.
+    """Durations and costs of one problem. Facts are read when they are first needed, once for each
+    predicate.
 
-    `facts` gives the static facts of the problem, and `standing` the points of the cell's places. `measured` says how long
-    some steps last, in place of what their operators say.
+    `facts` gives the static facts of the problem, and `standing` the points of the cell's places.
+    `measured` says how long some steps last, in place of what their operators say.
     """
 
     domain: Domain
@@ -75,7 +81,9 @@ class Amounts:
     def lasting(self, operator: Operator, bindings: Substitution) -> int:
         """How long an instance of an operator lasts. Raises `NoAmount`."""
         if self.measured:
-            instance = Function(operator.name, tuple(bindings[variable] for variable in operator.variables))
+            instance = Function(
+                operator.name, tuple(bindings[variable] for variable in operator.variables)
+            )
             if instance in self.measured:
                 return self.measured[instance]
         return self.of(operator.duration, bindings, 0)
@@ -85,7 +93,8 @@ class Amounts:
         return self._number(Function(self.domain.conventions.travel, (here, there)))
 
     def point(self, place: Term) -> Point:
-        """Where a place is, in micrometres: its own position, that of its measurement, or that of the cell.
+        """Where a place is, in micrometres: its own position, that of its measurement, or that of
+        the cell.
 
         Raises `NoAmount`.
         """
@@ -103,7 +112,11 @@ class Amounts:
                 return _only_point(name, given)
         standing = self.standing(str(place))
         if standing is None:
-            fact = f"the fact {words.position}({names[-1]}, X, Y, Z), or " if self._takes(names[-1]) else ""
+            fact = (
+                f"the fact {words.position}({names[-1]}, X, Y, Z), or "
+                if self._takes(names[-1])
+                else ""
+            )
             raise NoAmount(
                 f"the position of {place} is not known",
                 f"add {fact}the place {place} to `places` of cell.yaml",
@@ -111,7 +124,9 @@ class Amounts:
         return standing
 
     def _takes(self, thing: Term) -> bool:
-        """Whether a fact can give the position of a thing, as far as the domain tells of what type it is."""
+        """Whether a fact can give the position of a thing, as far as the domain tells of what
+        type it is.
+        """
         known = self.domain.predicates.get(self.domain.conventions.position)
         if known is None or not isinstance(thing, Function):
             return False
@@ -155,9 +170,13 @@ class Amounts:
     def _way(self, motion: Motion, asked: Function) -> int:
         """A travel time or distance along the straight line."""
         here, there = map(self.point, asked.arguments)
-        value = distance_um(here, there) if asked.name == DISTANCE_TERM else motion.time(here, there)
+        value = (
+            distance_um(here, there) if asked.name == DISTANCE_TERM else motion.time(here, there)
+        )
         if value > MAX_AMOUNT:
-            raise NoAmount(f"{asked} is {value}, larger than {MAX_AMOUNT}", "choose a larger unit of time")
+            raise NoAmount(
+                f"{asked} is {value}, larger than {MAX_AMOUNT}", "choose a larger unit of time"
+            )
         return value
 
     def _listed(self, asked: Function) -> int:
@@ -168,7 +187,9 @@ class Amounts:
             raise NotTold(f"{asked} is not known", f"add the fact {fact}")
         if len(given) > 1:
             said = " and ".join(sorted(map(str, given))[:2])
-            raise NoAmount(f"{asked} has {len(given)} values, such as {said}", f"keep one fact {fact}")
+            raise NoAmount(
+                f"{asked} has {len(given)} values, such as {said}", f"keep one fact {fact}"
+            )
         if not isinstance(given[0], Number):
             raise NoAmount(f"{asked} is {given[0]}, which is no number", "write a whole number")
         if asked.name == self.domain.conventions.travel and given[0].value < 0:
@@ -191,18 +212,24 @@ def _only_point(name: Term, given: list[Term]) -> Point:
         raise NoAmount(f"{name} has {len(given)} positions", "keep one of them")
     (point_term,) = given
     assert isinstance(point_term, Function)
-    values = [coordinate.value for coordinate in point_term.arguments if isinstance(coordinate, Number)]
+    values = [
+        coordinate.value for coordinate in point_term.arguments if isinstance(coordinate, Number)
+    ]
     if len(values) < 3:
         point_text = ", ".join(map(str, point_term.arguments))
-        raise NoAmount(f"the position of {name} is ({point_text}), which are no numbers", "write micrometres")
+        raise NoAmount(
+            f"the position of {name} is ({point_text}), which are no numbers", "write micrometres"
+        )
     x, y, z = values
     return x, y, z
 
 
 def asks_number(predicates: Mapping[str, Predicate], travel: str, name: str, arity: int) -> bool:
-    """Whether a term of a duration or cost stands for a number: of a way, or of a static whose last argument is one.
+    """Whether a term of a duration or cost stands for a number: of a way, or of a static whose last
+    argument is one.
 
-    `travel` is what durations call travel times if the domain declares how an arm moves, else empty.
+    `travel` is what durations call travel times if the domain declares how an arm moves, else
+    empty.
     """
     if travel and name in (travel, DISTANCE_TERM) and arity == 2:
         return True
@@ -216,7 +243,9 @@ def asks_number(predicates: Mapping[str, Predicate], travel: str, name: str, ari
 
 
 def _asks_in_domain(domain: Domain, name: str, arity: int) -> bool:
-    return asks_number(domain.predicates, domain.conventions.travel if domain.motion else "", name, arity)
+    return asks_number(
+        domain.predicates, domain.conventions.travel if domain.motion else "", name, arity
+    )
 
 
 def number_terms(domain: Domain, term: Term | None) -> Iterator[Function]:
@@ -232,7 +261,9 @@ def number_terms(domain: Domain, term: Term | None) -> Iterator[Function]:
 
 
 def travels_itself(domain: Domain) -> bool:
-    """Whether a step of the domain spends the travel time itself, so that nobody else adds it between steps."""
+    """Whether a step of the domain spends the travel time itself, so that nobody else adds it
+    between steps.
+    """
     name = domain.conventions.travel
     return any(
         number_term.name == name
@@ -251,12 +282,15 @@ class Traits:
 
 
 def operator_traits(operator: Operator, instance: Function, amounts: Amounts) -> Traits | None:
-    """The traits of an instance; None if a resource has no value, so that there is no such instance.
+    """The traits of an instance; None if a resource has no value, so that there is no such
+    instance.
 
     Raises `NoAmount` if its duration or cost cannot be told.
     """
     bindings = dict(zip(operator.variables, instance.arguments, strict=True))
-    resources = [evaluate_term(substitute_term(resource, bindings)) for resource in operator.resources]
+    resources = [
+        evaluate_term(substitute_term(resource, bindings)) for resource in operator.resources
+    ]
     held = tuple([resource for resource in resources if resource is not None])
     duration, cost = amounts.lasting(operator, bindings), amounts.of(operator.cost, bindings, 1)
     if len(held) < len(resources):
@@ -264,13 +298,17 @@ def operator_traits(operator: Operator, instance: Function, amounts: Amounts) ->
     return Traits(held, duration, cost)
 
 
-def step_of(amounts: Amounts, number: StepId, instance: Function, after: tuple[StepId, ...] = ()) -> Step:
-    """A step with the traits that its domain gives it; those of no operator if it is no instance, or they cannot be told.
+def step_of(
+    amounts: Amounts, number: StepId, instance: Function, after: tuple[StepId, ...] = ()
+) -> Step:
+    """A step with the traits that its domain gives it; those of no operator if it is no instance,
+    or they cannot be told.
 
     The checker refuses such a step.
     """
     operator = next(
-        (candidate for candidate in amounts.domain.operators if candidate.name == instance.name), None
+        (candidate for candidate in amounts.domain.operators if candidate.name == instance.name),
+        None,
     )
     fits = operator is not None and len(operator.parameters) == len(instance.arguments)
     try:
@@ -280,5 +318,10 @@ def step_of(amounts: Amounts, number: StepId, instance: Function, after: tuple[S
     except NoAmount:
         instance_traits = Traits()
     return Step(
-        number, instance, after, instance_traits.resources, instance_traits.duration, instance_traits.cost
+        number,
+        instance,
+        after,
+        instance_traits.resources,
+        instance_traits.duration,
+        instance_traits.cost,
     )

@@ -15,7 +15,9 @@ INSET_M, DENSITY = 0.015, 1000.0
 
 @dataclass(frozen=True, slots=True)
 class SaidRelation:
-    """`kind` shall hold between two features, each named by its body and its own name; a preferred one only if it can."""
+    """`kind` shall hold between two features, each named by its body and its own name; a
+    preferred one only if it can.
+    """
 
     kind: str
     first: tuple[str, str]
@@ -48,9 +50,10 @@ Numbers = tuple[float, ...]
 class CameraFound:
     """What calibrations have found of the camera of a scene, in metres and radians.
 
-    `T_world_camera` are the rows of a matrix (4, 4). `covariance` (9, 9) is that of a displacement of the camera, of its turn about its
-    own origin, both along the axes of the world, of the focal length, and of the centre in pixels. A measured depth is `offset_m` +
-    `scale` times the true one, with a standard deviation of `noise_m`.
+    `T_world_camera` are the rows of a matrix (4, 4). `covariance` (9, 9) is that of a displacement
+    of the camera, of its turn about its own origin, both along the axes of the world, of the focal
+    length, and of the centre in pixels. A measured depth is `offset_m` + `scale` times the true
+    one, with a standard deviation of `noise_m`.
     """
 
     T_world_camera: tuple[Numbers, ...]
@@ -64,8 +67,9 @@ class CameraFound:
 
 @dataclass(frozen=True, slots=True)
 class HandEntry:
-    """Parallel jaws at the tool point of an arm, or a hand with three fingers: z of its frame points to the part, x is the way in
-    which they close. `accuracy_m` is the standard deviation, along each axis, of where the arm brings what the hand holds.
+    """Parallel jaws at the tool point of an arm, or a hand with three fingers: z of its frame
+    points to the part, x is the way in which they close. `accuracy_m` is the standard deviation,
+    along each axis, of where the arm brings what the hand holds.
     """
 
     arm: str
@@ -85,10 +89,12 @@ class HandEntry:
 class Scene:
     """What `place` works on.
 
-    `clutter` names bodies that the camera sees and nobody has modelled. `table` is a frame on the free part of a table, with
-    z upwards: there parts are laid down to be taken anew. Parts have a density in kg per cubic metre. A part is not taken before it
-    is sure to come within `tolerance_m` of its goal (three standard deviations). `target` is the part that is held before the camera
-    when this is calibrated. What was found then is in `calibrated`, and counts instead of what `camera` says.
+    `clutter` names bodies that the camera sees and nobody has modelled. `table` is a frame on the
+    free part of a table, with z upwards: there parts are laid down to be taken anew. Parts have a
+    density in kg per cubic metre. A part is not taken before it is sure to come within
+    `tolerance_m` of its goal (three standard deviations). `target` is the part that is held before
+    the camera when this is calibrated. What was found then is in `calibrated`, and counts instead
+    of what `camera` says.
     """
 
     name: str

@@ -19,7 +19,10 @@ GOAL_STEP = StepId(-1)  # consumes the goals
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One operator instance. `after` are the steps that must end before it starts, transitively reduced."""
+    """One operator instance.
+
+    `after` are the steps that must end before it starts, transitively reduced.
+    """
 
     id: StepId
     operator: Function
@@ -31,7 +34,9 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class CausalLink:
-    """`producer` achieves `condition` for `consumer`; no step ordered between them may delete it."""
+    """`producer` achieves `condition` for `consumer`; no step ordered between them may delete
+    it.
+    """
 
     producer: StepId
     condition: Atom  # `not(p)` for a negative condition
@@ -64,7 +69,9 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Happened:
-    """A line of a history as a file has it: a stage of a chain, the step that reaches it, its start and its duration."""
+    """A line of a history as a file has it: a stage of a chain, the step that reaches it, its
+    start and its duration.
+    """
 
     chain: str
     stage: str
@@ -75,10 +82,11 @@ class Happened:
 
 @dataclass(frozen=True, slots=True)
 class Claims:
-    """What a plan file says beside the plan, all of which can be computed; None and empty where it says nothing.
+    """What a plan file says beside the plan, all of which can be computed; None and empty where it
+    says nothing.
 
-    `starts` are times in the domain's unit. `told` is the makespan that the answer around the plan tells, and `bound` the one
-    that no order of the steps is said to stay below.
+    `starts` are times in the domain's unit. `told` is the makespan that the answer around the plan
+    tells, and `bound` the one that no order of the steps is said to stay below.
     """
 
     starts: Mapping[StepId, int] = field(default_factory=dict)
@@ -103,7 +111,10 @@ NO_TIME, ONE = Number(0), Number(1)
 
 @dataclass(frozen=True, slots=True)
 class MacroStep:
-    """One step of the body. `after` are its predecessors; `duration` and `cost` are numbers or variables."""
+    """One step of the body.
+
+    `after` are its predecessors; `duration` and `cost` are numbers or variables.
+    """
 
     id: StepId
     operator: Function
@@ -135,11 +146,11 @@ class MacroPart:
 class Macrop:
     """A generalised plan.
 
-    Any binding of the variables that satisfies `types`, `constraints` (n-ary, over statics), `disequalities`
-    and none of the `exclusions`, in a state where the `preconditions` hold, makes the body a plan for the
-    `goals` and `chains`. The `adders` hold afterwards. `depends` maps each part of the domain that the proof
-    of this uses to its digest. A `subsequence` is an operator for searches; it is not retrieved as a plan for
-    goals.
+    Any binding of the variables that satisfies `types`, `constraints` (n-ary, over statics),
+    `disequalities` and none of the `exclusions`, in a state where the `preconditions` hold, makes
+    the body a plan for the `goals` and `chains`. The `adders` hold afterwards. `depends` maps each
+    part of the domain that the proof of this uses to its digest. A `subsequence` is an operator for
+    searches; it is not retrieved as a plan for goals.
     """
 
     name: Function
@@ -168,11 +179,17 @@ class Macrop:
     def cost(self) -> int | None:
         """The sum of the costs of the steps; None if it depends on the binding."""
         costs = [step.cost for step in self.steps]
-        return sum(cost.value for cost in costs if isinstance(cost, Number)) if _are_numbers(costs) else None
+        return (
+            sum(cost.value for cost in costs if isinstance(cost, Number))
+            if _are_numbers(costs)
+            else None
+        )
 
     @cached_property
     def duration(self) -> int | None:
-        """The length of the longest chain of predecessors, in time units; None if the binding decides."""
+        """The length of the longest chain of predecessors, in time units; None if the binding
+        decides.
+        """
         if not _are_numbers([step.duration for step in self.steps]):
             return None
         ends: dict[StepId, int] = {}
@@ -190,7 +207,10 @@ class Macrop:
         return tuple(
             constraint
             for constraint in self.types
-            if not any(v == constraint.variable and domain.is_subtype(t, constraint.type) for v, t in stated)
+            if not any(
+                v == constraint.variable and domain.is_subtype(t, constraint.type)
+                for v, t in stated
+            )
         )
 
     def _stated(self, domain: Domain) -> Iterator[tuple[Variable, str]]:
@@ -204,7 +224,9 @@ def _are_numbers(terms: Iterable[Term]) -> bool:
 
 
 def _typed_arguments(term: Term, domain: Domain) -> Iterator[tuple[Variable, str]]:
-    signature = domain.functions.get(term.name) if isinstance(term, Function) and term.arguments else None
+    signature = (
+        domain.functions.get(term.name) if isinstance(term, Function) and term.arguments else None
+    )
     if signature is None or not isinstance(term, Function):
         return
     for argument, type_ in zip(term.arguments, signature.arguments, strict=False):

@@ -15,10 +15,11 @@ from cellwright.kb.terms import Atom, Function, Term, is_ground, join_stage, mat
 class Chain:
     """The ordered stages of one object (or of one group of bindings).
 
-    `after` names chains that must be finished first. The last stage must still hold at the end, unless a
-    chain of the same subject comes after this one. Any atom that fits reaches a fluent stage with `_`. Such a
-    stage need not last, unless a goal says so. A stage of several fluents that are reached together is one term, `&` of
-    them (`cellwright.kb.terms.join_stage`). A chain that is not `wanted` says which events may occur, in their order; none of them has to.
+    `after` names chains that must be finished first. The last stage must still hold at the end,
+    unless a chain of the same subject comes after this one. Any atom that fits reaches a fluent
+    stage with `_`. Such a stage need not last, unless a goal says so. A stage of several fluents
+    that are reached together is one term, `&` of them (`cellwright.kb.terms.join_stage`). A chain
+    that is not `wanted` says which events may occur, in their order; none of them has to.
     """
 
     name: str
@@ -33,8 +34,8 @@ class Chain:
 class Problem:
     """Objects, statics, initial facts, goals and workflow of one task.
 
-    `path` is empty for a problem that is not from a file. `durations` says how long some steps last, in the domain's unit of
-    time, in place of what their operators say.
+    `path` is empty for a problem that is not from a file. `durations` says how long some steps
+    last, in the domain's unit of time, in place of what their operators say.
     """
 
     name: str
@@ -57,7 +58,8 @@ class Problem:
 
 
 Reached = Mapping[str, int]  # for each chain, how many of its stages are reached
-Holds = Callable[[Atom], bool]  # whether a fluent stage holds in a state; `_` in it stands for anything
+# whether a fluent stage holds in a state; `_` in it stands for anything
+Holds = Callable[[Atom], bool]
 
 
 def reaches_stage(atom: Atom, stage: Atom) -> bool:
@@ -66,8 +68,12 @@ def reaches_stage(atom: Atom, stage: Atom) -> bool:
 
 
 def reached_as(stage: Atom, true: Sequence[Atom]) -> Atom:
-    """What reached a stage, among events and facts; of a stage of several fluents, all that did, together."""
-    reaching_atoms = [next(atom for atom in true if reaches_stage(atom, part)) for part in stage_parts(stage)]
+    """What reached a stage, among events and facts; of a stage of several fluents, all that
+    did, together.
+    """
+    reaching_atoms = [
+        next(atom for atom in true if reaches_stage(atom, part)) for part in stage_parts(stage)
+    ]
     return reaching_atoms[0] if len(reaching_atoms) == 1 else join_stage(reaching_atoms)
 
 
@@ -79,13 +85,15 @@ def finished_chains(chains: Iterable[Chain], reached: Reached) -> frozenset[str]
 def may_advance(chain: Chain, reached: int, done: Container[str]) -> bool:
     """Whether a step may reach the next stage of a chain.
 
-    `reached` is the number of its stages that are reached before the step; `done` are the chains that are
-    finished before the step. The chain must have a next stage, and it must have begun already or wait for no
-    unfinished chain.
+    `reached` is the number of its stages that are reached before the step; `done` are the chains
+    that are finished before the step. The chain must have a next stage, and it must have begun
+    already or wait for no unfinished chain.
 
     The events of one step move a chain by one stage at most.
     """
-    return reached < len(chain.stages) and (reached > 0 or all(name in done for name in chain.after))
+    return reached < len(chain.stages) and (
+        reached > 0 or all(name in done for name in chain.after)
+    )
 
 
 def next_stages(chains: Sequence[Chain], reached: Reached) -> dict[str, Atom]:
@@ -117,7 +125,8 @@ def advance_chains(
 ) -> tuple[dict[str, int], tuple[Atom, ...]]:
     """How far the chains are after a step, and those of its events that move no chain.
 
-    `holds` is about the state after the step. An event serves only the first chain that waited for it before the step.
+    `holds` is about the state after the step. An event serves only the first chain that waited for
+    it before the step.
     """
     counts, left = dict(reached), list(events)
     for name, stage in next_stages(chains, reached).items():
@@ -131,7 +140,10 @@ def advance_chains(
 def lasting_fluents(domain: Domain) -> frozenset[str]:
     """The fluents that nothing in a domain makes false."""
     ended = {
-        effect.atom.name for operator in domain.operators for effect in operator.effects if not effect.adds
+        effect.atom.name
+        for operator in domain.operators
+        for effect in operator.effects
+        if not effect.adds
     }
     ended |= {
         c.atom.name
@@ -139,7 +151,9 @@ def lasting_fluents(domain: Domain) -> frozenset[str]:
         for c in deductive.consequences
         if not c.implied
     }
-    fluents = {name for name, predicate in domain.predicates.items() if predicate.kind is Kind.FLUENT}
+    fluents = {
+        name for name, predicate in domain.predicates.items() if predicate.kind is Kind.FLUENT
+    }
     return frozenset(fluents - ended - domain.quantities.keys())
 
 
@@ -149,17 +163,24 @@ def late_stages(chains: Sequence[Chain], domain: Domain) -> tuple[Atom, ...]:
         return ()
     stays = lasting_fluents(domain)
     behind = (stage for chain in chains for n, stage in enumerate(chain.stages) if n or chain.after)
-    return tuple(s for s in dict.fromkeys(behind) if all(part.name in stays for part in stage_parts(s)))
+    return tuple(
+        s for s in dict.fromkeys(behind) if all(part.name in stays for part in stage_parts(s))
+    )
 
 
-def too_early(late: Sequence[Atom], added: Iterable[Atom], before: Holds, now: Sequence[Atom]) -> Atom | None:
-    """The first stage among `late` that a step completes by adding what belongs to no stage whose turn is `now`; else None.
+def too_early(
+    late: Sequence[Atom], added: Iterable[Atom], before: Holds, now: Sequence[Atom]
+) -> Atom | None:
+    """The first stage among `late` that a step completes by adding what belongs to no stage whose
+    turn is `now`; else None.
 
     `before` is about the state before the step.
     """
     for atom in sorted({added_atom for added_atom in added if _is_part(added_atom, late)}, key=str):
         if not before(atom) and not _is_part(atom, now):
-            late_stage = next((stage for stage in late if _completes_stage(atom, stage, before)), None)
+            late_stage = next(
+                (stage for stage in late if _completes_stage(atom, stage, before)), None
+            )
             if late_stage is not None:
                 return late_stage
     return None
@@ -177,7 +198,9 @@ def _completes_stage(atom: Atom, stage: Atom, before: Holds) -> bool:
 
 
 def stages_in_turn(chains: Sequence[Chain], before: Reached, after: Reached) -> list[Atom]:
-    """The stages whose turn has come when a step has moved chains from one count to another: reached, or waited for."""
+    """The stages whose turn has come when a step has moved chains from one count to another:
+    reached, or waited for.
+    """
     moved_stages = [
         stage for chain in chains for stage in chain.stages[before[chain.name] : after[chain.name]]
     ]
@@ -210,7 +233,11 @@ def stage_holds(state: State) -> Holds:
 def those_reaching(stage: Atom, state: State) -> Iterator[Atom]:
     """The atoms of a state that reach a stage; nothing unless every part of the stage holds."""
     reaching_atoms = [list(_those_like(part, state)) for part in stage_parts(stage)]
-    return (atom for part_atoms in reaching_atoms for atom in part_atoms) if all(reaching_atoms) else iter(())
+    return (
+        (atom for part_atoms in reaching_atoms for atom in part_atoms)
+        if all(reaching_atoms)
+        else iter(())
+    )
 
 
 def _those_like(atom: Atom, state: State) -> Iterator[Atom]:
@@ -220,21 +247,30 @@ def _those_like(atom: Atom, state: State) -> Iterator[Atom]:
 
 
 def superseded_chains(chains: Sequence[Chain]) -> frozenset[str]:
-    """The chains that another chain of the same subject follows. Their last stages need not last."""
+    """The chains that another chain of the same subject follows.
+
+    Their last stages need not last.
+    """
     behind: dict[str, frozenset[str]] = {}
     followed: set[str] = set()
     subjects = {chain.name: chain.subject for chain in chains}
     for chain in chains:
-        behind[chain.name] = frozenset(chain.after).union(*(behind.get(name, ()) for name in chain.after))
+        behind[chain.name] = frozenset(chain.after).union(
+            *(behind.get(name, ()) for name in chain.after)
+        )
         if chain.subject is not None:
-            followed.update(name for name in behind[chain.name] if subjects.get(name) == chain.subject)
+            followed.update(
+                name for name in behind[chain.name] if subjects.get(name) == chain.subject
+            )
     return frozenset(followed)
 
 
 def final_stages(chains: Sequence[Chain], domain: Domain) -> dict[str, tuple[Atom, ...]]:
-    """For each chain, what must still hold at the end: the fluents of its last stage, if they are without `_`.
+    """For each chain, what must still hold at the end: the fluents of its last stage, if they are
+    without `_`.
 
-    Chains that another chain of the same subject follows, and chains that are not wanted, are left out.
+    Chains that another chain of the same subject follows, and chains that are not wanted, are left
+    out.
     """
     passing = superseded_chains(chains)
     return {
@@ -258,7 +294,9 @@ def events_of(chain: Chain, domain: Domain) -> tuple[Atom, ...]:
     """The stages of a chain that are events."""
     declared = [(stage, domain.predicates.get(stage.name)) for stage in chain.stages]
     return tuple(
-        stage for stage, predicate in declared if predicate is not None and predicate.kind is Kind.EVENT
+        stage
+        for stage, predicate in declared
+        if predicate is not None and predicate.kind is Kind.EVENT
     )
 
 

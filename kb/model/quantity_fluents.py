@@ -1,7 +1,8 @@
 """Quantities as fluents whose last argument is the value: comparisons and changes.
 
-A comparison means that the fluents have some values for which it holds. A change is an effect that ends the old value and one
-that adds the new value, so what reads domains needs to know fluents only.
+A comparison means that the fluents have some values for which it holds. A change is an effect that
+ends the old value and one that adds the new value, so what reads domains needs to know fluents
+only.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -17,7 +18,9 @@ Values = Mapping[Function, Variable]
 def replace_quantities(
     term: Term, known: Collection[str], values: dict[Function, Variable], fresh: Fresh
 ) -> Term:
-    """A term with a variable in the place of each quantity in `known`; `values` are these variables."""
+    """A term with a variable in the place of each quantity in `known`; `values` are these
+    variables.
+    """
     match term:
         case Operation(sign, left, right):
             return Operation(
@@ -35,7 +38,8 @@ def compare_quantities(comparison: Comparison, known: Collection[str], fresh: Fr
     """A comparison in which quantities may stand, as a condition on fluents."""
     values: dict[Function, Variable] = {}
     left, right = (
-        replace_quantities(side, known, values, fresh) for side in (comparison.left, comparison.right)
+        replace_quantities(side, known, values, fresh)
+        for side in (comparison.left, comparison.right)
     )
     return (
         some_values(values, [Comparison(left, comparison.relation, right, exact=True)])
@@ -71,9 +75,11 @@ def range_comparisons(value: Term, bounds: Quantity) -> list[Comparison]:
     return comparisons
 
 
-def value_error(fact: Atom, bounds: Quantity, known: Mapping[Function, int]) -> tuple[str, str, str] | None:
-    """What is wrong with the value that a fact gives a quantity, as code, message and hint; None if it is right. `known` are the
-    values of other facts."""
+def value_error(
+    fact: Atom, bounds: Quantity, known: Mapping[Function, int]
+) -> tuple[str, str, str] | None:
+    """What is wrong with the value that a fact gives a quantity, as code, message and hint; None if
+    it is right. `known` are the values of other facts."""
     *arguments, value = fact.arguments
     quantity = Function(fact.name, tuple(arguments))
     if not isinstance(value, Number):
@@ -95,13 +101,20 @@ def value_error(fact: Atom, bounds: Quantity, known: Mapping[Function, int]) -> 
 def value_change(
     quantity: Function, new: Term, values: Values, bounds: Quantity, fresh: Fresh
 ) -> tuple[Effect, Effect]:
-    """The end of the old value, and the new one. In `new`, quantities are the variables in `values`; one of them is `quantity`."""
+    """The end of the old value, and the new one.
+
+    In `new`, quantities are the variables in `values`; one of them is `quantity`.
+    """
     held = tuple(value_fluents(values))
     parameters = tuple(Parameter(variable, "int") for variable in values.values())
     after = Variable(f"_Value{next(fresh)}")
-    condition = And((*held, Comparison(after, "=", new, exact=True), *range_comparisons(after, bounds)))
+    condition = And(
+        (*held, Comparison(after, "=", new, exact=True), *range_comparisons(after, bounds))
+    )
     ends = Effect(value_atom(quantity, values[quantity]), False, parameters, And(held))
-    return ends, Effect(value_atom(quantity, after), True, (*parameters, Parameter(after, "int")), condition)
+    return ends, Effect(
+        value_atom(quantity, after), True, (*parameters, Parameter(after, "int")), condition
+    )
 
 
 def distinct_quantities(changed: Iterable[tuple[Function, Function]]) -> list[Comparison]:
@@ -114,4 +127,8 @@ def distinct_quantities(changed: Iterable[tuple[Function, Function]]) -> list[Co
 
 
 def _as_tuple(quantity: Function) -> Term:
-    return quantity.arguments[0] if len(quantity.arguments) == 1 else Function("_of", quantity.arguments)
+    return (
+        quantity.arguments[0]
+        if len(quantity.arguments) == 1
+        else Function("_of", quantity.arguments)
+    )

@@ -1,8 +1,9 @@
-"""A statement of ASP as a value: the predicates that it defines and uses, its place, and its text for clingo.
+"""A statement of ASP as a value: the predicates that it defines and uses, its place, and its text
+for clingo.
 
-`cellwright.kb.asp.statements` makes statements from files, once. All questions about a rule are answered by the value,
-never by a look into the text. The text can mislead: `beside(` contains `ide(`, and a quoted text may contain
-anything.
+`cellwright.kb.asp.statements` makes statements from files, once. All questions about a rule are
+answered by the value, never by a look into the text. The text can mislead: `beside(` contains
+`ide(`, and a quoted text may contain anything.
 """
 
 from collections.abc import Sequence
@@ -45,11 +46,11 @@ class Constant(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """A rule, a fact (its body is empty), a constraint (it defines nothing) or, with `constant`, the value of
-    a constant.
+    """A rule, a fact (its body is empty), a constraint (it defines nothing) or, with `constant`,
+    the value of a constant.
 
-    Equal texts mean the same, so only the text is compared. `variables` lists variables as often as they
-    occur, without `_`. `names` are those of predicates, functions and constants.
+    Equal texts mean the same, so only the text is compared. `variables` lists variables as often as
+    they occur, without `_`. `names` are those of predicates, functions and constants.
     """
 
     text: str
@@ -61,7 +62,8 @@ class Statement:
     constants: tuple[Constant, ...] = field(default=(), compare=False)
     variables: tuple[str, ...] = field(default=(), compare=False)
     names: tuple[str, ...] = field(default=(), compare=False)
-    counts: bool = field(default=False, compare=False)  # whether the head contains arithmetic or a range
+    # whether the head contains arithmetic or a range
+    counts: bool = field(default=False, compare=False)
     constant: str = field(default="", compare=False)
 
     @property
@@ -75,7 +77,10 @@ class Statement:
 
 
 def derivation_statement(head: Atom, body: Sequence[Atom]) -> Statement:
-    """The statement `head :- body`. Its atoms have no texts and no arithmetic, and none is negated."""
+    """The statement `head :- body`.
+
+    Its atoms have no texts and no arithmetic, and none is negated.
+    """
     uses = tuple(PredicateUse((atom.name, len(atom.arguments)), Sign.POSITIVE) for atom in body)
     parts = tuple(map(str, body))
     made = Statement("", head=str(head), body=parts)
@@ -85,6 +90,8 @@ def derivation_statement(head: Atom, body: Sequence[Atom]) -> Statement:
         head=made.head,
         body=parts,
         uses=uses,
-        variables=tuple(variable.name for atom in (head, *body) for variable in term_variables(atom)),
+        variables=tuple(
+            variable.name for atom in (head, *body) for variable in term_variables(atom)
+        ),
         names=tuple(atom.name for atom in (head, *body)),
     )

@@ -1,12 +1,32 @@
-"""The form of the files as pydantic models, also exported as JSON Schema for editors. ASP in strings is not read here."""
+"""The form of the files as pydantic models, also exported as JSON Schema for editors.
+
+ASP in strings is not read here.
+"""
 
 from typing import Any
 
-from cellwright.kb.schema.form_validation import Deviation, find_deviations, form_model, keys_at, values_at
+from cellwright.kb.schema.form_validation import (
+    Deviation,
+    find_deviations,
+    form_model,
+    keys_at,
+    values_at,
+)
 
 __all__ = ["FORM_KINDS", "Deviation", "find_deviations", "json_schema", "keys_at", "values_at"]
 
-FORM_KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "device", "events")
+FORM_KINDS = (
+    "domain",
+    "problem",
+    "plan",
+    "cell",
+    "arm",
+    "faults",
+    "contacts",
+    "scene",
+    "device",
+    "events",
+)
 
 
 def json_schema(kind: str) -> dict[str, Any]:

@@ -7,7 +7,9 @@ from cellwright.kb.schema.geometry_forms import Pair, PoseEntry, Quantity, Shape
 
 
 class DhEntry(Strict):
-    """One joint in standard Denavit-Hartenberg form: turn theta about z, move d along z and a along x, turn alpha about x."""
+    """One joint in standard Denavit-Hartenberg form: turn theta about z, move d along z and a
+    along x, turn alpha about x.
+    """
 
     a: Quantity = Field("0", description="length along x")
     alpha: Quantity = Field("0", description="angle about x")
@@ -16,7 +18,9 @@ class DhEntry(Strict):
     lower: Quantity | None = Field(None, description="the least value; no limit if left out")
     upper: Quantity | None = Field(None, description="the greatest value; no limit if left out")
     speed: Quantity | None = Field(None, description="greatest speed, per second")
-    acceleration: Quantity | None = Field(None, description="greatest acceleration, per second squared")
+    acceleration: Quantity | None = Field(
+        None, description="greatest acceleration, per second squared"
+    )
 
 
 class LinkEntry(PoseEntry):
@@ -25,7 +29,9 @@ class LinkEntry(PoseEntry):
     carrier: str = Field(
         pattern=r"^[0-9]{1,2}$", description="the number of joints that move it; 0 for the base"
     )
-    shapes: list[ShapeEntry] = Field(default_factory=list, description="the shapes that can collide")
+    shapes: list[ShapeEntry] = Field(
+        default_factory=list, description="the shapes that can collide"
+    )
 
 
 class ArmFile(Strict):

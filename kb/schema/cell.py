@@ -41,7 +41,9 @@ class GuideEntry(Strict):
     range: Annotated[list[Quantity], Field(min_length=2, max_length=2)] = Field(
         description="the least and the greatest value; at 0 it is where the file places it"
     )
-    follows: str | None = Field(None, description="the body with a joint that it always goes as far as")
+    follows: str | None = Field(
+        None, description="the body with a joint that it always goes as far as"
+    )
 
 
 class BodyEntry(PlacedEntry):
@@ -51,13 +53,17 @@ class BodyEntry(PlacedEntry):
         None, description="how it moves on what it stands on; it stands still if left out"
     )
     mass: str | None = Field(
-        None, pattern=r"^[0-9]+(\.[0-9]+)? *(kg|g)?$", description="its mass, in kg if no unit is given"
+        None,
+        pattern=r"^[0-9]+(\.[0-9]+)? *(kg|g)?$",
+        description="its mass, in kg if no unit is given",
     )
     friction: str | None = Field(
         None, pattern=r"^[0-9]+(\.[0-9]+)?$", description="its coefficient of sliding friction"
     )
 
-    shapes: list[ShapeEntry] = Field(default_factory=list, description="the shapes that can collide")
+    shapes: list[ShapeEntry] = Field(
+        default_factory=list, description="the shapes that can collide"
+    )
     features: dict[str, PoseEntry] = Field(
         default_factory=dict, description="named poses on it; `tip` is what a tool works with"
     )
@@ -84,22 +90,32 @@ class PlaceEntry(PlacedEntry):
     """The pose of an arm's tool point for a place of the domain."""
 
     arm: str | None = Field(None, description="the arm; the only arm of the cell if left out")
-    tool: str | None = Field(None, description="the tool in its hand, whose feature `tip` takes the pose")
+    tool: str | None = Field(
+        None, description="the tool in its hand, whose feature `tip` takes the pose"
+    )
     approach: Quantity = Field(
         "0", description="the distance back along the tool's z that the arm must also reach"
     )
     turns: Truth = Field(False, description="the tool may turn about its own z")
-    touches: list[str] = Field(default_factory=list, description="bodies that may be in contact there")
-    depth: Quantity = Field("5 mm", description="how deep the bodies in `touches` may be entered or pressed")
+    touches: list[str] = Field(
+        default_factory=list, description="bodies that may be in contact there"
+    )
+    depth: Quantity = Field(
+        "5 mm", description="how deep the bodies in `touches` may be entered or pressed"
+    )
 
 
 class LocationEntry(Strict):
     """The place that a fact of the domain gives to a body: give `place`, `in` or `joint`."""
 
     body: str = Field(description="the body, or a variable of the fact")
-    place: Expression | None = Field(None, description="the place whose pose its feature `grip` takes")
+    place: Expression | None = Field(
+        None, description="the place whose pose its feature `grip` takes"
+    )
     in_: str | None = Field(
-        None, alias="in", description="the frame that its feature `grip` coincides with, such as Arm.tool"
+        None,
+        alias="in",
+        description="the frame that its feature `grip` coincides with, such as Arm.tool",
     )
     by: str | None = Field(
         None, description="the feature of the body that takes the pose, in place of `grip`"
@@ -113,15 +129,19 @@ class OperationEntry(Strict):
     at: Expression | None = Field(None, description="the place that the arm goes to")
     ends: Literal["outside", "inside", "before"] = Field(
         "outside",
-        description="where the arm is then: back before the place, in it, or before it without having been in it",
+        description="where the arm is then: back before the place, in it, or before it without "
+        "having "
+        "been in it",
     )
     with_: Expression | None = Field(
         None,
         alias="with",
-        description="the place where another arm is meanwhile: it goes there first, and leaves it last",
+        description="the place where another arm is meanwhile: it goes there first, and leaves it "
+        "last",
     )
     carries: str | None = Field(
-        None, description="the body that both arms then carry to where the facts after the step put it"
+        None,
+        description="the body that both arms then carry to where the facts after the step put it",
     )
     drags: str | None = Field(None, description="the body that the arm moves along its joint there")
     drives: str | None = Field(None, description="the body that moves the arm along its joint")
@@ -152,19 +172,24 @@ class RangingEntry(Strict):
     """A laser ranging tool: its picture, its modulated light, and how it errs."""
 
     eye: str = Field(description="the feature of the tool that it looks from, along z")
-    pixels: Annotated[list[Annotated[int, Field(ge=4, le=2048)]], Field(min_length=2, max_length=2)] = Field(
-        description="the width and the height of the picture in pixels"
-    )
+    pixels: Annotated[
+        list[Annotated[int, Field(ge=4, le=2048)]], Field(min_length=2, max_length=2)
+    ] = Field(description="the width and the height of the picture in pixels")
     view: Quantity = Field(description="the angle that the width of the picture spans")
-    wavelength: Quantity = Field(description="of the modulation: ranges are known modulo half of it")
+    wavelength: Quantity = Field(
+        description="of the modulation: ranges are known modulo half of it"
+    )
     noise: Quantity = Field(
         description="the standard deviation of a range at the distance `at`, square to the beam"
     )
     at: Quantity = Field(description="the distance that `noise` holds at")
     beam: Quantity = Field(description="the full divergence of the beam, an angle")
-    pointing: Quantity = Field("0", description="the standard deviation of the beam's direction, an angle")
+    pointing: Quantity = Field(
+        "0", description="the standard deviation of the beam's direction, an angle"
+    )
     grazing: Quantity = Field(
-        "80 deg", description="at the distance `at`, a surface seen flatter than this gives no answer"
+        "80 deg",
+        description="at the distance `at`, a surface seen flatter than this gives no answer",
     )
     dropouts: Quantity = Field("0", description="the share of pixels without an answer")
 
@@ -173,12 +198,16 @@ class MeasuringEntry(Strict):
     """How a tool takes a measurement that has a position, but no place of its own."""
 
     approach: Quantity = Field("0", description="how far the tool backs off along its z")
-    touches: list[str] = Field(default_factory=list, description="bodies that it may be in contact with")
+    touches: list[str] = Field(
+        default_factory=list, description="bodies that it may be in contact with"
+    )
     tilts: list[Quantity] = Field(
         default_factory=lambda: ["0"],
         description="the angles to the normal that are allowed, the preferred ones first",
     )
-    field: Quantity = Field("0", description="the width of what a scanner sees at its working distance")
+    field: Quantity = Field(
+        "0", description="the width of what a scanner sees at its working distance"
+    )
     patch: Range | None = Field(
         None, description="the least and the greatest side of a patch in the picture of a scanner"
     )
@@ -191,17 +220,21 @@ class SensorEntry(Strict):
 
     joint: str | None = Field(None, description="the body whose way along its joint it reads")
     force: str | None = Field(None, description="the body against which something presses, in N")
-    load: str | None = Field(None, description="the arm that carries the weight which it reads, in N")
+    load: str | None = Field(
+        None, description="the arm that carries the weight which it reads, in N"
+    )
     distance: str | None = Field(
         None, description="the frame along whose z it reads how far the nearest thing is"
     )
     slip: str | None = Field(None, description="the body along which something slides, per second")
     readings: dict[str, Range] = Field(
-        description="a reading, and the least and the greatest value that it has; the nearest one counts between two"
+        description="a reading, and the least and the greatest value that it has; the nearest one "
+        "counts between two"
     )
     tells: dict[str, str] = Field(
         default_factory=dict,
-        description="a reading, and the outcome of a test that it means, where that has another name",
+        description="a reading, and the outcome of a test that it means, where that has another "
+        "name",
     )
 
 
@@ -215,7 +248,9 @@ class CellFile(Strict):
     )
     arms: dict[str, MountedArmEntry] = Field(default_factory=dict, description="name: arm")
     frames: dict[str, PlacedEntry] = Field(default_factory=dict, description="name: its pose")
-    fixtures: dict[str, BodyEntry] = Field(default_factory=dict, description="bodies that never move")
+    fixtures: dict[str, BodyEntry] = Field(
+        default_factory=dict, description="bodies that never move"
+    )
     parts: dict[str, BodyEntry] = Field(default_factory=dict, description="bodies that are handled")
     tools: dict[str, BodyEntry] = Field(
         default_factory=dict, description="bodies that an arm holds or carries as a tool"
@@ -230,7 +265,8 @@ class CellFile(Strict):
     )
     places: dict[Expression, PlaceEntry] = Field(
         default_factory=dict,
-        description="a place of the domain, such as slot(drawer, 1), and the pose of the tool there",
+        description="a place of the domain, such as slot(drawer, 1), and the pose of the tool "
+        "there",
     )
     locations: dict[Expression, LocationEntry] = Field(
         default_factory=dict,

@@ -9,7 +9,10 @@ from cellwright.kb.schema.geometry_forms import PoseEntry, UnitsEntry
 
 Template = Annotated[
     str,
-    Field(description="class:object.anchor_class:anchor - class:object.anchor_class:anchor; * for anything"),
+    Field(
+        description="class:object.anchor_class:anchor - class:object.anchor_class:anchor; * for "
+        "anything"
+    ),
 ]
 Say = Annotated[str, Field(description="a description for people, in a few words")]
 
@@ -36,18 +39,25 @@ class ContactClassEntry(Strict):
     contact: Template
     make: str = Field("join", description="the operator that makes such a contact: grip, insert")
     break_: str = Field(
-        "part", alias="break", description="the operator that breaks such a contact: release, withdraw"
+        "part",
+        alias="break",
+        description="the operator that breaks such a contact: release, withdraw",
     )
     freedom: list[str] = Field(
-        default_factory=list, description="degrees of freedom: `slide x`, `turn z`; none if it is fixed"
+        default_factory=list,
+        description="degrees of freedom: `slide x`, `turn z`; none if it is fixed",
     )
-    controllable: Truth = Field(False, description="a controller moves or holds it, as the jaws of a gripper")
+    controllable: Truth = Field(
+        False, description="a controller moves or holds it, as the jaws of a gripper"
+    )
     supports: Truth = Field(True, description="it keeps an object from falling")
     one_way: Literal["make", "break"] | None = Field(
         None, description="it can only be made (snap, weld) or only be broken (one-way disassembly)"
     )
     over: str | None = Field(
-        None, description="the contact class that holds between the same objects before, meanwhile and after"
+        None,
+        description="the contact class that holds between the same objects before, meanwhile and "
+        "after",
     )
 
 
@@ -62,14 +72,21 @@ class PermanentEntry(Strict):
         min_length=2, max_length=2, description="two objects; the first may be `ground`"
     )
     freedom: list[str] = Field(
-        default_factory=list, description="degrees of freedom: `slide x`, `turn z`; none if it is fixed"
+        default_factory=list,
+        description="degrees of freedom: `slide x`, `turn z`; none if it is fixed",
     )
-    controllable: Truth = Field(False, description="a controller moves it, as the joints of a robot")
-    by: str | None = Field(None, description="the object that is handled in order to move it, as a switch")
+    controllable: Truth = Field(
+        False, description="a controller moves it, as the joints of a robot"
+    )
+    by: str | None = Field(
+        None, description="the object that is handled in order to move it, as a switch"
+    )
     settings: dict[str, SettingEntry | None] = Field(
         default_factory=dict, description="the states of the joint that matter"
     )
-    starts: str | None = Field(None, description="the setting at the start; the first one if left out")
+    starts: str | None = Field(
+        None, description="the setting at the start; the first one if left out"
+    )
     fact: Expression | None = Field(
         None, description="the fact of the domain for a setting, as in position(drawer, Setting)"
     )
@@ -112,15 +129,21 @@ class MeaningEntry(Strict):
 
     contact: Template
     made: Expression
-    broken: Expression | None = Field(None, description="facts that hold when the contact is broken")
+    broken: Expression | None = Field(
+        None, description="facts that hold when the contact is broken"
+    )
 
 
 class ContactsFile(Strict):
-    """A `contacts.yaml` beside a domain: object classes, anchor points and the contacts that objects can have."""
+    """A `contacts.yaml` beside a domain: object classes, anchor points and the contacts that
+    objects can have.
+    """
 
     contacts: str = Field(description="the name of the domain beside this file")
     units: UnitsEntry | None = Field(None, description="units of numbers without a unit")
-    gravity: Truth = Field(True, description="false: what nothing holds stays where it is, as in orbit")
+    gravity: Truth = Field(
+        True, description="false: what nothing holds stays where it is, as in orbit"
+    )
     classes: dict[str, ClassEntry | None] = Field(min_length=1, description="classes of objects")
     objects: dict[str, Names] = Field(min_length=1, description="class: its instances")
     contact_classes: dict[str, ContactClassEntry] = Field(
@@ -134,14 +157,18 @@ class ContactsFile(Strict):
         default_factory=dict, description="contacts that the designer excludes"
     )
     relevance: list[RelevanceEntry] = Field(
-        default_factory=list, description="what matters beyond, or less than, what the engine distinguishes"
+        default_factory=list,
+        description="what matters beyond, or less than, what the engine distinguishes",
     )
-    restrictions: list[RestrictionEntry] = Field(default_factory=list, description="conditions at run time")
+    restrictions: list[RestrictionEntry] = Field(
+        default_factory=list, description="conditions at run time"
+    )
     facts: list[MeaningEntry] = Field(
         default_factory=list, description="what contacts mean in the domain beside this file"
     )
     processes: list[str] = Field(
-        default_factory=list, description="operators of the domain that change no contact, such as heat"
+        default_factory=list,
+        description="operators of the domain that change no contact, such as heat",
     )
     bodies: dict[str, str] = Field(
         default_factory=dict,
@@ -149,5 +176,6 @@ class ContactsFile(Strict):
     )
     filters: list[str] = Field(
         default_factory=lambda: ["stability", "templates"],
-        description="the filters that contact states pass: stability, templates, collision, or plug-ins",
+        description="the filters that contact states pass: stability, templates, collision, or "
+        "plug-ins",
     )

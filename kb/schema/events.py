@@ -1,4 +1,7 @@
-"""The form of the lines that `cellwright run --events` writes: one event a line. Readers pass over keys that they do not know."""
+"""The form of the lines that `cellwright run --events` writes: one event a line.
+
+Readers pass over keys that they do not know.
+"""
 
 from typing import Annotated, Any, Literal
 
@@ -40,7 +43,9 @@ class PlannedStep(BaseModel):
     id: int = Field(description="the number of the step in the plan")
     step: str = Field(description="an operator instance")
     stream: str = Field(description="the device that carries it out")
-    after: list[int] = Field(default_factory=list, description="steps that must have ended before it starts")
+    after: list[int] = Field(
+        default_factory=list, description="steps that must have ended before it starts"
+    )
     resources: list[str] = Field(default_factory=list, description="what it holds while it lasts")
     start_ms: int = Field(0, description="the forecast of its start")
     lasts_ms: int = Field(0, description="how long it lasts")
@@ -51,7 +56,9 @@ class PlanEvent(_Event):
 
     kind: Literal["plan"] = Field(description="what happened")
     why: str = Field(
-        description="first, recovery, reschedule, choice, aligned (the part was found elsewhere), again (values are doubtful or undecided), or the order that asked for it"
+        description="first, recovery, reschedule, choice, aligned (the part was found elsewhere), "
+        "again "
+        "(values are doubtful or undecided), or the order that asked for it"
     )
     steps: list[PlannedStep] = Field(description="its steps")
     forecast_ms: int = Field(description="the forecast of its end")
@@ -60,7 +67,10 @@ class PlanEvent(_Event):
     full: list[str] = Field(default_factory=list, description="the hands that hold something")
     ahead: list[tuple[int, int, int, int]] = Field(
         default_factory=list,
-        description="the next steps as far as their starts can be forecast: the number of the step, its start, and the two "
+        description="the next steps as far as their starts can be forecast: the number of the "
+        "step, "
+        "its "
+        "start, and the two "
         "times between which it begins with 95 %",
     )
 
@@ -76,8 +86,12 @@ class CommandEvent(_Event):
     step: int | None = Field(None, description="the number of the step in the plan, if it is one")
     lasts_ms: int = Field(description="the forecast")
     timeout_ms: int | None = Field(None, description="when it is given up")
-    looks: list[str] = Field(default_factory=list, description="facts that the device looks at first")
-    watches: list[str] = Field(default_factory=list, description="facts that it looks at until the step ends")
+    looks: list[str] = Field(
+        default_factory=list, description="facts that the device looks at first"
+    )
+    watches: list[str] = Field(
+        default_factory=list, description="facts that it looks at until the step ends"
+    )
     part: list[float] = Field(
         default_factory=list,
         description="where the part lies: three rows of a displacement of its model, in metres",
@@ -202,9 +216,12 @@ class AlignmentEvent(_Event):
     part: list[float] = Field(
         description="three rows of a displacement of its model, in metres; empty: it fits nowhere"
     )
-    centre: list[float] = Field(default_factory=list, description="the middle of the datums, in metres")
+    centre: list[float] = Field(
+        default_factory=list, description="the middle of the datums, in metres"
+    )
     covariance: list[list[float]] = Field(
-        default_factory=list, description="of a shift and a turn about the centre: metres and radians"
+        default_factory=list,
+        description="of a shift and a turn about the centre: metres and radians",
     )
     datums: int = Field(0, description="how many datums agree")
     wrong: list[str] = Field(default_factory=list, description="the datums that disagree")

@@ -8,12 +8,16 @@ from cellwright.kb.schema.form_base import Expression, Strict, Truth, WholeNumbe
 
 Cost = Annotated[WholeNumber, Field(ge=0, description="its cost, in units of the domain's time")]
 Say = Annotated[str, Field(description="a description for people, in a few words")]
-Chance = Annotated[str, Field(pattern=r"^[0-9](\.[0-9]{1,6})?$", description="a probability, such as 0.95")]
+Chance = Annotated[
+    str, Field(pattern=r"^[0-9](\.[0-9]{1,6})?$", description="a probability, such as 0.95")
+]
 Duration = Annotated[
     WholeNumber | None,
     Field(description="its duration, in units of the domain's time; equal to its cost if left out"),
 ]
-Needs = Annotated[Expression | None, Field(description="what must hold before; the planner makes it true")]
+Needs = Annotated[
+    Expression | None, Field(description="what must hold before; the planner makes it true")
+]
 Step = Annotated[Expression | None, Field(description="the step of the domain that carries it out")]
 Asks = Annotated[Truth, Field(description="a person is asked to do it")]
 
@@ -40,24 +44,32 @@ class CauseEntry(Strict):
     )
     adds: Expression | None = Field(None, description="facts that hold if it is the cause")
     denies: Expression | None = Field(None, description="facts that do not hold if it is the cause")
-    loses: list[Expression] = Field(default_factory=list, description="objects that can no longer be used")
+    loses: list[Expression] = Field(
+        default_factory=list, description="objects that can no longer be used"
+    )
     completes: Truth = Field(
         False, description="the interrupted step has done what it should: only its reply is wrong"
     )
     blocks: list[Expression] | None = Field(
         None,
-        description="steps that fail while the cause is there: us_measure(_, _, Id), or an operator alone; if left out, "
+        description="steps that fail while the cause is there: us_measure(_, _, Id), or an "
+        "operator "
+        "alone; if left out, "
         "none for a cause that says what it changes, else the interrupted operator",
     )
     spoils: Expression | None = Field(
         None,
-        description="what earlier steps achieved of these facts and events is open again if it is the cause",
+        description="what earlier steps achieved of these facts and events is open again if it is "
+        "the "
+        "cause",
     )
     since: list[Expression] = Field(
         default_factory=list,
         description="steps after which the cause was surely not there: `spoils` goes back to them",
     )
-    stops: Truth = Field(False, description="nothing in the cell can repair it: stop safely and ask a person")
+    stops: Truth = Field(
+        False, description="nothing in the cell can repair it: stop safely and ask a person"
+    )
 
 
 class _ActionEntry(Strict):
@@ -75,18 +87,24 @@ class TestEntry(_ActionEntry):
     outcomes: list[str] = Field(min_length=2, max_length=8, description="the possible outcomes")
     otherwise: str = Field(description="the outcome for causes that `gives` does not name")
     gives: dict[str, str] = Field(
-        description="cause: outcome; or outcomes with probabilities, as in `weak 0.9`; the rest goes to `otherwise`"
+        description="cause: outcome; or outcomes with probabilities, as in `weak 0.9`; the rest "
+        "goes "
+        "to "
+        "`otherwise`"
     )
 
 
 class RepairEntry(_ActionEntry):
     """A repair: its cost and the causes that it cures."""
 
-    cures: list[str] | dict[str, Chance] = Field(description="causes; or cause: probability that it helps")
+    cures: list[str] | dict[str, Chance] = Field(
+        description="causes; or cause: probability that it helps"
+    )
     adds: Expression | None = Field(None, description="facts that hold afterwards")
     denies: Expression | None = Field(None, description="facts that do not hold afterwards")
     loses: list[Expression] = Field(
-        default_factory=list, description="objects that stay lost: the repair is to go on without them"
+        default_factory=list,
+        description="objects that stay lost: the repair is to go on without them",
     )
 
 
@@ -99,7 +117,13 @@ class FaultsFile(Strict):
     )
     lies: Chance = Field("0.01", description="the probability that an observation is wrong")
     stop: Cost = 600
-    exceptions: dict[str, ExceptionEntry] = Field(min_length=1, description="events that stop a plan")
+    exceptions: dict[str, ExceptionEntry] = Field(
+        min_length=1, description="events that stop a plan"
+    )
     causes: dict[str, CauseEntry | None] = Field(min_length=1, description="possible causes")
-    tests: dict[str, TestEntry] = Field(default_factory=dict, description="tests that distinguish causes")
-    repairs: dict[str, RepairEntry] = Field(default_factory=dict, description="repairs that cure causes")
+    tests: dict[str, TestEntry] = Field(
+        default_factory=dict, description="tests that distinguish causes"
+    )
+    repairs: dict[str, RepairEntry] = Field(
+        default_factory=dict, description="repairs that cure causes"
+    )

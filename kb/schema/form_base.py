@@ -35,5 +35,6 @@ Names = Annotated[list[str], Field(description="names, or ranges such as depot_1
 WholeNumber = Annotated[int, BeforeValidator(_check_whole), Field(le=MAX_CLINGO_INTEGER)]
 Truth = Annotated[bool, BeforeValidator(_check_truth)]
 VariableTypes = Annotated[
-    dict[str, str], Field(description="variable: type; it narrows the type that the atoms of the entry give")
+    dict[str, str],
+    Field(description="variable: type; it narrows the type that the atoms of the entry give"),
 ]

@@ -16,7 +16,10 @@ CUT_OFF = "a comma between { and } ends a value: put the whole value in quotes"
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """An error at `path`, and what to try. If `at_key`, it concerns the last key of the path, not its value."""
+    """An error at `path`, and what to try.
+
+    If `at_key`, it concerns the last key of the path, not its value.
+    """
 
     path: Path
     message: str
@@ -25,7 +28,9 @@ class Deviation:
 
 
 def find_deviations(kind: str, content: Any) -> list[Deviation]:
-    """The differences of plain content (strings, lists, dicts, None for an empty scalar) from the form of its kind."""
+    """The differences of plain content (strings, lists, dicts, None for an empty scalar) from
+    the form of its kind.
+    """
     model = form_model(kind)
     try:
         model.model_validate(content)
@@ -56,8 +61,13 @@ def form_model(kind: str) -> type[BaseModel]:
     return model_class
 
 
-def _merge_errors(errors: Sequence[Any], model: type[BaseModel], content: Any) -> Iterator[Deviation]:
-    """One deviation per place. Pydantic reports one error for each alternative of a union; they are merged."""
+def _merge_errors(
+    errors: Sequence[Any], model: type[BaseModel], content: Any
+) -> Iterator[Deviation]:
+    """One deviation per place.
+
+    Pydantic reports one error for each alternative of a union; they are merged.
+    """
     places: dict[Path, list[Any]] = {}
     for error in errors:
         places.setdefault(_error_path(error, content), []).append(error)
@@ -76,7 +86,9 @@ def _error_path(error: Any, content: Any) -> Path:
     path: list[str | int] = []
     for number, part in enumerate(error["loc"], 1):
         inside = isinstance(content, Mapping) and part in content
-        inside = inside or (isinstance(content, list) and isinstance(part, int) and part < len(content))
+        inside = inside or (
+            isinstance(content, list) and isinstance(part, int) and part < len(content)
+        )
         if inside:
             content = content[part]
             path.append(part)
@@ -87,7 +99,8 @@ def _error_path(error: Any, content: Any) -> Path:
 
 def _unknown_key(path: Path, model: type[BaseModel]) -> Deviation:
     known, key = known_keys(model, path[:-1]), str(path[-1])
-    cut_off = CUT_OFF if key.count(")") > key.count("(") else ""  # the rest of a term that YAML has split
+    # the rest of a term that YAML has split
+    cut_off = CUT_OFF if key.count(")") > key.count("(") else ""
     hint = (
         cut_off
         or nearest_hint(key, known)
@@ -103,9 +116,13 @@ def _wrong_value(path: Path, errors: Sequence[Any]) -> Deviation:
     if said:
         expected = " or ".join(dict.fromkeys(said))
         return Deviation(
-            path, f"{name}: expected {expected}, found {_kind_of_value(value)}", _give_advice(said, value)
+            path,
+            f"{name}: expected {expected}, found {_kind_of_value(value)}",
+            _give_advice(said, value),
         )
-    return Deviation(path, f"{name}: {_describe_error(errors[0])}", _HINTS.get(errors[0]["type"], ""))
+    return Deviation(
+        path, f"{name}: {_describe_error(errors[0])}", _HINTS.get(errors[0]["type"], "")
+    )
 
 
 _EXPECTED = {
@@ -136,7 +153,9 @@ def _describe_error(error: Any) -> str:
         case "literal_error":
             return f"'{shown}' is not one of {limits['expected']}".replace(" or ", ", ")
         case "greater_than_equal" | "greater_than":
-            return f"{shown} is too small: the least is {limits.get('ge', limits.get('gt', -1) + 1)}"
+            return (
+                f"{shown} is too small: the least is {limits.get('ge', limits.get('gt', -1) + 1)}"
+            )
         case "less_than_equal":
             return f"{shown} is too large: the most is {limits['le']}"
         case _:

@@ -15,7 +15,9 @@ QUANTITY = re.compile(
 
 def _check_quantity(value: Any) -> Any:
     if not isinstance(value, str) or not QUANTITY.fullmatch(value):
-        raise PydanticCustomError("quantity", "expected a number, with or without a unit: 0.5, 20 mm, 90 deg")
+        raise PydanticCustomError(
+            "quantity", "expected a number, with or without a unit: 0.5, 20 mm, 90 deg"
+        )
     return value
 
 
@@ -51,7 +53,8 @@ class TubeEntry(Strict):
 
     radius: Quantity = Field(description="its radius")
     length: Quantity = Field(
-        description="its length along z; for a tube, the distance between the centres of its round ends"
+        description="its length along z; for a tube, the distance between the centres of its round "
+        "ends"
     )
 
 
@@ -64,7 +67,8 @@ class PolyhedronEntry(Strict):
     )
     edges: dict[str, Pair] = Field(default_factory=dict, description="name: its two vertices")
     pieces: list[list[str]] = Field(
-        default_factory=list, description="convex pieces that fill it; the polyhedron itself if left out"
+        default_factory=list,
+        description="convex pieces that fill it; the polyhedron itself if left out",
     )
 
 
@@ -107,7 +111,9 @@ class RingEntry(Strict):
 class HoleEntry(Strict):
     """A round hole in a plate."""
 
-    at: Annotated[list[Quantity], Field(min_length=2, max_length=2)] = Field(description="x, y of its middle")
+    at: Annotated[list[Quantity], Field(min_length=2, max_length=2)] = Field(
+        description="x, y of its middle"
+    )
     radius: Quantity = Field(description="its radius")
 
 
@@ -115,7 +121,9 @@ class PlateEntry(Strict):
     """A block with round holes along z."""
 
     size: Triple = Field(description="its size along x, y and z, about its middle")
-    holes: list[HoleEntry] = Field(default_factory=list, description="round holes, apart from each other")
+    holes: list[HoleEntry] = Field(
+        default_factory=list, description="round holes, apart from each other"
+    )
 
 
 class ShapeEntry(PoseEntry):
@@ -130,8 +138,12 @@ class ShapeEntry(PoseEntry):
     ring: RingEntry | None = Field(
         None, description="a cylinder with a round bore, along z, about its middle"
     )
-    plate: PlateEntry | None = Field(None, description="a block with round holes along z, about its middle")
-    polyhedron: PolyhedronEntry | None = Field(None, description="vertices, faces and edges with names")
+    plate: PlateEntry | None = Field(
+        None, description="a block with round holes along z, about its middle"
+    )
+    polyhedron: PolyhedronEntry | None = Field(
+        None, description="vertices, faces and edges with names"
+    )
     mesh: MeshEntry | None = Field(None, description="a file of triangles")
     height_field: HeightFieldEntry | None = Field(None, description="heights over a grid")
     point_set: PointsEntry | None = Field(None, description="points with a ball around each")

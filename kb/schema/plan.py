@@ -1,4 +1,6 @@
-"""The form of a plan file, which `cellwright plan --format json` writes and `cellwright validate` reads."""
+"""The form of a plan file, which `cellwright plan --format json` writes and `cellwright
+validate` reads.
+"""
 
 from typing import Any
 
@@ -19,12 +21,15 @@ class StepEntry(_Strict):
     after: list[int] = Field(
         default_factory=list, description="steps that must have ended before this one starts"
     )
-    resources: list[str] = Field(default_factory=list, description="what the step holds while it lasts")
+    resources: list[str] = Field(
+        default_factory=list, description="what the step holds while it lasts"
+    )
     duration: int = Field(0, ge=0, description="in the domain's unit of time")
     cost: int = Field(1, ge=0, description="what the step adds to the cost of the plan")
     start: int | None = Field(
         None,
-        description="when the step starts, in the domain's unit of time; not before the steps in `after` have ended",
+        description="when the step starts, in the domain's unit of time; not before the steps in "
+        "`after` have ended",
     )
 
 
@@ -39,12 +44,15 @@ class LinkEntry(_Strict):
 class PlanEntry(_Strict):
     """A partially ordered plan and the problem that it solves."""
 
-    problem: ProblemFile = Field(description="the problem that the plan solves, as in a problem file")
+    problem: ProblemFile = Field(
+        description="the problem that the plan solves, as in a problem file"
+    )
     steps: list[StepEntry] = Field(description="the steps, each after the steps that it waits for")
     links: list[LinkEntry] = Field(default_factory=list, description="the reasons for each step")
     cost: int | None = Field(None, description="the sum of the steps' costs; computed")
     makespan: int | None = Field(
-        None, description="the end of the last step if each step starts as early as possible; computed"
+        None,
+        description="the end of the last step if each step starts as early as possible; computed",
     )
     histories: list[dict[str, Any]] = Field(
         default_factory=list, description="what was done to each object; computed"

@@ -20,7 +20,9 @@ class CameraFileEntry(PlacedEntry):
 
 
 class HandFileEntry(Strict):
-    """Parallel jaws, or three fingers, at the tool point of an arm: z points to the part, x is the way in which they close."""
+    """Parallel jaws, or three fingers, at the tool point of an arm: z points to the part, x is
+    the way in which they close.
+    """
 
     arm: str = Field(description="the arm that carries it")
     fingers: Annotated[WholeNumber, Field(ge=2, le=3)] = Field(
@@ -40,13 +42,17 @@ class HandFileEntry(Strict):
     )
     friction: Quantity = Field("0.4", description="the friction coefficient of the pads")
     accuracy: Quantity = Field(
-        "0", description="the standard deviation of where the arm brings what is held, beside what was seen"
+        "0",
+        description="the standard deviation of where the arm brings what is held, beside what was "
+        "seen",
     )
     force: Quantity = Field("40", description="the force of each pad, in newtons")
 
 
 class SceneFile(Strict):
-    """A scene: a cell, how parts shall lie on each other, and with what they are seen, taken and laid down."""
+    """A scene: a cell, how parts shall lie on each other, and with what they are seen, taken
+    and laid down.
+    """
 
     scene: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the scene's name")
     cell: str = Field(description="the cell file, beside this one")
@@ -58,7 +64,8 @@ class SceneFile(Strict):
     hand: HandFileEntry = Field(description="the gripper")
     relations: list[str] = Field(
         default_factory=list,
-        description="what shall hold, such as: bracket.bottom against base.top; lid.rim distance base.top = 5 mm",
+        description="what shall hold, such as: bracket.bottom against base.top; lid.rim distance "
+        "base.top = 5 mm",
     )
     preferred: list[str] = Field(
         default_factory=list, description="relations that hold as far as the others allow"
@@ -73,15 +80,20 @@ class SceneFile(Strict):
     )
     target: str | None = Field(
         None,
-        description="the part that is held before the camera when this is calibrated; it looks the same from no two sides",
+        description="the part that is held before the camera when this is calibrated; it looks the "
+        "same "
+        "from no two sides",
     )
     calibration: str | None = Field(
         None,
-        description="a file beside this one with what was found of the camera; it counts instead of `camera`",
+        description="a file beside this one with what was found of the camera; it counts instead "
+        "of "
+        "`camera`",
     )
     inset: Quantity = Field("15 mm", description="how far inside an edge the jaws take a part")
     density: Quantity = Field("1000", description="of the parts, in kg per cubic metre")
     tolerance: Quantity | None = Field(
         None,
-        description="how far from its goal a part may come to lie: where three standard deviations exceed it, it is looked at anew",
+        description="how far from its goal a part may come to lie: where three standard deviations "
+        "exceed it, it is looked at anew",
     )

@@ -1,6 +1,8 @@
-"""Libraries of MACROPs in a database: SQLite in one file, or PostgreSQL by URL. Only this package uses SQLAlchemy.
+"""Libraries of MACROPs in a database: SQLite in one file, or PostgreSQL by URL. Only this package
+uses SQLAlchemy.
 
-Each part is imported when it is first asked for: SQLAlchemy is slow to import, and not all parts need it.
+Each part is imported when it is first asked for: SQLAlchemy is slow to import, and not all parts
+need it.
 """
 
 from importlib import import_module

@@ -20,7 +20,13 @@ from sqlalchemy import (
 )
 
 from cellwright.kb.json_text import parse_json
-from cellwright.kb.store.database import MIGRATION, Database, lock_key, open_transaction, store_refusal
+from cellwright.kb.store.database import (
+    MIGRATION,
+    Database,
+    lock_key,
+    open_transaction,
+    store_refusal,
+)
 
 metadata = MetaData()
 cases = Table(
@@ -29,7 +35,8 @@ cases = Table(
     Column("id", Integer, primary_key=True),
     Column("domain", String, nullable=False, index=True),
     Column("exception", String, nullable=False),
-    Column("causes", Text, nullable=False),  # a JSON list, because several causes may be present at once
+    # a JSON list, because several causes may be present at once
+    Column("causes", Text, nullable=False),
     Column(
         "weight", Float, nullable=False
     ),  # the number of cases that this row counts for; ageing reduces it
@@ -51,7 +58,10 @@ class ClosedCase:
 
 
 class Cases(Database):
-    """The closed cases in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
+    """The closed cases in a database, given by a file or a URL.
+
+    Raises `InvalidInput` if the database reports an error.
+    """
 
     def __init__(self, target: str) -> None:
         super().__init__(target, durable=True)
@@ -73,7 +83,9 @@ class Cases(Database):
             for closed_case in closed
         ]
         if rows:
-            with open_transaction(self._engine, self.target, writes=True, apart=len(rows) == 1) as connection:
+            with open_transaction(
+                self._engine, self.target, writes=True, apart=len(rows) == 1
+            ) as connection:
                 connection.execute(cases.insert(), rows)
 
     def history(self, domain: str, exception: str = "") -> tuple[ClosedCase, ...]:
@@ -95,7 +107,9 @@ class Cases(Database):
 
     def discount(self, domain: str, factor: float) -> None:
         """Multiply the weight of every case of a domain by a factor."""
-        changed = update(cases).where(cases.c.domain == domain).values(weight=cases.c.weight * factor)
+        changed = (
+            update(cases).where(cases.c.domain == domain).values(weight=cases.c.weight * factor)
+        )
         with open_transaction(self._engine, self.target, writes=True, apart=True) as connection:
             connection.execute(changed)
 
@@ -121,7 +135,10 @@ def _case_from_row(row: RowMapping) -> ClosedCase:
 
 
 def cause_counts(given: Mapping[str, float], closed: Sequence[ClosedCase]) -> dict[str, float]:
-    """The counts of a fault base plus those of closed cases. A case with several causes counts for each of them."""
+    """The counts of a fault base plus those of closed cases.
+
+    A case with several causes counts for each of them.
+    """
     case_counts = dict(given)
     for closed_case in closed:
         for cause in closed_case.causes:

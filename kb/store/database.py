@@ -1,10 +1,12 @@
 """Opens databases: connections to SQLite and PostgreSQL, transactions, schema updates.
 
-SQLite writers take the lock at the beginning, so that no other process can write between their reads and writes. Readers
-see one consistent state and block no one. If a process is killed, its last transaction is undone completely.
+SQLite writers take the lock at the beginning, so that no other process can write between their
+reads and writes. Readers see one consistent state and block no one. If a process is killed, its
+last transaction is undone completely.
 
-Each message to PostgreSQL and back takes time, above all on a busy machine. Every statement sees a state of its own there. So a
-reader, or a writer with one statement, can do without begin and end: its statements stand apart.
+Each message to PostgreSQL and back takes time, above all on a busy machine. Every statement sees a
+state of its own there. So a reader, or a writer with one statement, can do without begin and end:
+its statements stand apart.
 """
 
 import contextlib
@@ -33,7 +35,9 @@ POSTGRES_SCHEMES = ("postgres", "postgresql", "postgresql+psycopg")
 
 
 class OutOfReach(InvalidInput):
-    """The system or the server refuses what was asked of a library: nothing is wrong with its name."""
+    """The system or the server refuses what was asked of a library: nothing is wrong with its
+    name.
+    """
 
 
 def store_refusal(where: str, message: str, hint: str = "", code: str = "K416") -> InvalidInput:
@@ -63,7 +67,9 @@ def store_url(target: str) -> URL:
     if url.drivername in POSTGRES_SCHEMES:
         return _postgres_url(url)
     if url.drivername != "sqlite":
-        raise store_refusal("--store", f"a library cannot be kept in '{url.drivername}'", _ADDRESS_HINT)
+        raise store_refusal(
+            "--store", f"a library cannot be kept in '{url.drivername}'", _ADDRESS_HINT
+        )
     if not url.database or url.query:
         said = "options are not taken here" if url.query else "the address names no file"
         raise store_refusal("--store", said, _ADDRESS_HINT)
@@ -81,7 +87,9 @@ def _postgres_url(url: URL) -> URL:
     if not url.username:
         raise store_refusal("--store", "the address names no user", _ADDRESS_HINT)
     if url.port is not None and not 0 < url.port < 65_536:
-        raise store_refusal("--store", f"{url.port} is not a port", "from 1 to 65535; without one it is 5432")
+        raise store_refusal(
+            "--store", f"{url.port} is not a port", "from 1 to 65535; without one it is 5432"
+        )
     return url.set(drivername="postgresql+psycopg")
 
 
@@ -89,23 +97,32 @@ _ADDRESS_HINT = "give a file, or postgresql://USER@HOST/DATABASE"
 
 
 def connect_engine(target: str, reads: bool = False) -> Engine:
-    """The engine of a library, or one that only `reads`. Raises `InvalidInput` if the driver or the folder is missing."""
+    """The engine of a library, or one that only `reads`.
+
+    Raises `InvalidInput` if the driver or the folder is missing.
+    """
     url = store_url(target)
     if url.drivername == "sqlite":
         return _sqlite_engine(url, reads)
-    # a connection that cannot even be closed is told as the error of its statement; nobody needs a traceback of it
+    # a connection that cannot even be closed is told as the error of its statement; nobody needs a
+    # traceback of it
     logging.getLogger("sqlalchemy.pool").addHandler(logging.NullHandler())
     try:
         engine = create_engine(url)
     except ModuleNotFoundError:
         hint = "install the extra: pip install 'cellwright[postgres]'"
-        raise store_refusal("--store", "the driver for PostgreSQL is not installed", hint, "K414") from None
+        raise store_refusal(
+            "--store", "the driver for PostgreSQL is not installed", hint, "K414"
+        ) from None
     event.listen(engine, "checkout", _require_silent)
     return _note_engine(engine)
 
 
 def _require_silent(raw: Any, _record: object, _proxy: object) -> None:
-    """Replace a connection that has ended while nobody used it. A server says nothing unasked but that."""
+    """Replace a connection that has ended while nobody used it.
+
+    A server says nothing unasked but that.
+    """
     if raw.closed or _is_readable(raw.fileno()):
         raise InvalidatePoolError("the connection has ended")
 
@@ -126,7 +143,8 @@ def _sqlite_engine(url: URL, reads: bool) -> Engine:
             str(url.database), "the folder of this file does not exist", "make the folder first"
         )
     engine = create_engine(
-        _reading_url(file) if reads or _is_kept_from_writing(file) else url, connect_args={"timeout": BUSY_S}
+        _reading_url(file) if reads or _is_kept_from_writing(file) else url,
+        connect_args={"timeout": BUSY_S},
     )
     event.listen(engine, "connect", _prepare_connection)
     event.listen(engine, "begin", _begin_transaction)
@@ -148,7 +166,10 @@ def close_all() -> None:
 
 
 def _is_kept_from_writing(file: Path) -> bool:
-    """Whether a file exists but cannot be written. Its folder must be writable too, because the log is beside the file."""
+    """Whether a file exists but cannot be written.
+
+    Its folder must be writable too, because the log is beside the file.
+    """
     try:
         return file.is_file() and not all(os.access(path, os.W_OK) for path in (file, file.parent))
     except (OSError, ValueError):  # opening the file will report the reason
@@ -156,7 +177,9 @@ def _is_kept_from_writing(file: Path) -> bool:
 
 
 def _reading_url(file: Path) -> URL:
-    """The URL for reading a file: unchanging, or, if a log beside it shows that others write, with their changes."""
+    """The URL for reading a file: unchanging, or, if a log beside it shows that others write,
+    with their changes.
+    """
     log = file.with_name(f"{file.name}-wal")
     logged = log.exists() and log.stat().st_size
     asked = "mode=ro" if logged else "mode=ro&immutable=1"
@@ -169,7 +192,8 @@ def is_writable(engine: Engine) -> bool:
 
 
 def _prepare_connection(raw: Any, _record: object) -> None:
-    raw.isolation_level = None  # otherwise the driver begins late and upgrades the lock later, which can fail
+    # otherwise the driver begins late and upgrades the lock later, which can fail
+    raw.isolation_level = None
     raw.execute(f"PRAGMA busy_timeout = {int(BUSY_S * 1000)}")
     raw.execute("PRAGMA foreign_keys = ON")
     raw.execute("PRAGMA synchronous = NORMAL")
@@ -181,7 +205,10 @@ def _begin_transaction(connection: Connection) -> None:
 
 
 def write_ahead(engine: Engine) -> None:
-    """Switch a SQLite file to a write-ahead log. The busy timeout does not cover this, so it is tried repeatedly."""
+    """Switch a SQLite file to a write-ahead log.
+
+    The busy timeout does not cover this, so it is tried repeatedly.
+    """
     if engine.dialect.name != "sqlite":
         return
     deadline = time.monotonic() + BUSY_S
@@ -200,16 +227,19 @@ def write_ahead(engine: Engine) -> None:
 def open_transaction(
     engine: Engine, where: str, writes: bool = False, apart: bool = False
 ) -> Iterator[Connection]:
-    """One transaction, undone after any error. Raises `InvalidInput` if the database reports an error.
+    """One transaction, undone after any error. Raises `InvalidInput` if the database reports an
+    error.
 
-    Its statements may stand `apart`: one that writes must be the only one. Then PostgreSQL is told no begin and no end.
+    Its statements may stand `apart`: one that writes must be the only one. Then PostgreSQL is told
+    no begin and no end.
     """
     try:
         with _open_connection(engine, writes, apart) as connection, connection.begin():
             yield connection
     except (SQLAlchemyError, UnicodeDecodeError) as error:
         hint = (
-            "check that it is a library and that you may write it; `cellwright store check` looks for damage"
+            "check that it is a library and that you may write it; `cellwright store check` "
+            "looks for damage"
         )
         raise refused_by(error, where, "the library cannot be used", hint) from error
 
@@ -224,7 +254,10 @@ def _open_connection(engine: Engine, writes: bool, apart: bool) -> Connection:
 
 
 def lock_key(connection: Connection, key: int) -> None:
-    """Let only one process at a time do what a key stands for, until its transaction ends. In SQLite, the write lock does that."""
+    """Let only one process at a time do what a key stands for, until its transaction ends.
+
+    In SQLite, the write lock does that.
+    """
     if connection.dialect.name == "postgresql":
         connection.execute(text(f"SELECT pg_advisory_xact_lock({key})"))
 
@@ -248,7 +281,10 @@ def begin_anew() -> None:
 
 
 def reading_engine(target: str) -> Engine:
-    """The engine of a library that cannot be opened for writing, because the disk is full say. Raises `InvalidInput`."""
+    """The engine of a library that cannot be opened for writing, because the disk is full say.
+
+    Raises `InvalidInput`.
+    """
     engine = connect_engine(target, reads=True)
     try:
         _require_current(engine, target)
@@ -259,8 +295,9 @@ def reading_engine(target: str) -> Engine:
 
 
 def fallback_engine(target: str, error: InvalidInput) -> Engine:
-    """The engine of a library that cannot be opened for writing: for reading, else of an empty one in memory, which is gone when
-    it is closed. Raises the error if it tells a mistake in the name."""
+    """The engine of a library that cannot be opened for writing: for reading, else of an empty one
+    in memory, which is gone when it is closed. Raises the error if it tells a mistake in the name.
+    """
     try:
         return reading_engine(target)
     except InvalidInput:
@@ -272,9 +309,11 @@ def fallback_engine(target: str, error: InvalidInput) -> Engine:
 
 
 def open_engine(target: str, durable: bool = False) -> Engine:
-    """The engine of a database, given by a file or a URL, with all tables. A file that cannot be written is only read.
+    """The engine of a database, given by a file or a URL, with all tables. A file that cannot be
+    written is only read.
 
-    What is committed survives a loss of power if it is `durable`; if not, SQLite may lose the last commits, and nothing else.
+    What is committed survives a loss of power if it is `durable`; if not, SQLite may lose the last
+    commits, and nothing else.
 
     Raises `InvalidInput`.
     """
@@ -294,7 +333,8 @@ def open_engine(target: str, durable: bool = False) -> Engine:
 
 
 class Database:
-    """A database, given by a file or a URL. Its connections are closed at the end of a `with`. Raises `InvalidInput`.
+    """A database, given by a file or a URL. Its connections are closed at the end of a `with`.
+    Raises `InvalidInput`.
 
     What is committed survives a loss of power if it is `durable`.
     """
@@ -307,7 +347,10 @@ class Database:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -321,7 +364,10 @@ class Database:
 
 @contextlib.contextmanager
 def existing_engine(store: str) -> Iterator[Engine]:
-    """The engine of a library that is there, as it is: nothing is made or brought up to date. Raises `InvalidInput`."""
+    """The engine of a library that is there, as it is: nothing is made or brought up to date.
+
+    Raises `InvalidInput`.
+    """
     engine = connect_engine(store)
     try:
         if (
@@ -343,7 +389,10 @@ def _require_current(engine: Engine, target: str) -> None:
     with open_transaction(engine, target) as connection:
         version = version_of(connection)
     if version != CURRENT_SCHEMA:
-        said = f"the library has schema {version}, not {CURRENT_SCHEMA}, and cannot be updated because it is read-only"
+        said = (
+            f"the library has schema {version}, not {CURRENT_SCHEMA}, and cannot be updated "
+            "because it is read-only"
+        )
         raise store_refusal(target, said, "open it once as a user who may write it")
 
 
@@ -351,7 +400,9 @@ def _prepare_schema(engine: Engine, target: str) -> None:
     try:
         write_ahead(engine)
     except (sqlite3.Error, SQLAlchemyError) as error:
-        raise refused_by(error, target, "this cannot be used as a library", "give another file") from error
+        raise refused_by(
+            error, target, "this cannot be used as a library", "give another file"
+        ) from error
     try:
         with open_transaction(engine, target) as connection:
             version = version_of(connection)

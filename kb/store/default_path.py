@@ -7,7 +7,10 @@ from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 
 def default_store() -> str:
-    """The journal of those who name none: in the folder for the state of programs. Raises `InvalidInput` if that is closed."""
+    """The journal of those who name none: in the folder for the state of programs.
+
+    Raises `InvalidInput` if that is closed.
+    """
     state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
     folder = state / "cellwright"
     try:

@@ -1,7 +1,7 @@
 """Inspection data in the database: planned sequences, and arm poses for measurements.
 
-No process waits while another one computes a sequence. A sequence is read, changed, and written back only if it has not
-changed since it was read.
+No process waits while another one computes a sequence. A sequence is read, changed, and written
+back only if it has not changed since it was read.
 """
 
 import json
@@ -20,7 +20,9 @@ from cellwright.kb.store.table_schema import poses, sequences
 
 @dataclass(frozen=True, slots=True)
 class PlannedVisit:
-    """A planned visit: its tool, its position in metres, and its arm where several arms share the visits."""
+    """A planned visit: its tool, its position in metres, and its arm where several arms share
+    the visits.
+    """
 
     name: str
     tool: str
@@ -32,9 +34,9 @@ class PlannedVisit:
 class SequencePlan:
     """The visits that are `done` and the `rest`, both in order.
 
-    `lost` holds tools and resources that cannot be used any more. `bad` and `impossible` hold visits that are left out, with
-    the reason. `changes` holds the costs of tool changes (tool, other tool, cost). `version` counts how often the plan was
-    written.
+    `lost` holds tools and resources that cannot be used any more. `bad` and `impossible` hold
+    visits that are left out, with the reason. `changes` holds the costs of tool changes (tool,
+    other tool, cost). `version` counts how often the plan was written.
     """
 
     domain: str
@@ -54,7 +56,10 @@ _KEPT_SEQUENCE = select(sequences.c.document, sequences.c.version).where(
 
 
 class Sequences(Database):
-    """The sequence plans in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
+    """The sequence plans in a database, given by a file or a URL.
+
+    Raises `InvalidInput` if the database reports an error.
+    """
 
     def __init__(self, target: str) -> None:
         super().__init__(target, durable=True)
@@ -72,7 +77,10 @@ class Sequences(Database):
             raise store_refusal(self.target, said, "give another file") from error
 
     def keep(self, plan: SequencePlan) -> bool:
-        """Replace the version that a plan was made from. If that is not the last version, do nothing and return False."""
+        """Replace the version that a plan was made from.
+
+        If that is not the last version, do nothing and return False.
+        """
         row = {
             "domain": plan.domain,
             "problem": plan.problem,
@@ -82,10 +90,19 @@ class Sequences(Database):
         mine = (sequences.c.domain == plan.domain) & (sequences.c.problem == plan.problem)
         with open_transaction(self._engine, self.target, writes=True, apart=True) as connection:
             if plan.version:
-                change = sequences.update().where(mine & (sequences.c.version == plan.version)).values(**row)
+                change = (
+                    sequences.update()
+                    .where(mine & (sequences.c.version == plan.version))
+                    .values(**row)
+                )
                 return connection.execute(change).rowcount == 1
             insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
-            made = insert(sequences).values(**row).on_conflict_do_nothing().returning(sequences.c.version)
+            made = (
+                insert(sequences)
+                .values(**row)
+                .on_conflict_do_nothing()
+                .returning(sequences.c.version)
+            )
             return connection.execute(made).first() is not None
 
 
@@ -106,12 +123,18 @@ def _visit_row(visit: PlannedVisit) -> list[Any]:
     return [visit.name, visit.tool, visit.position, *([visit.arm] if visit.arm else [])]
 
 
-def _plan_from_document(domain: str, problem: str, content: Mapping[str, Any], version: int) -> SequencePlan:
+def _plan_from_document(
+    domain: str, problem: str, content: Mapping[str, Any], version: int
+) -> SequencePlan:
     return SequencePlan(
         domain,
         problem,
-        tuple(PlannedVisit(name, tool, tuple(at), *arm) for name, tool, at, *arm in content["done"]),
-        tuple(PlannedVisit(name, tool, tuple(at), *arm) for name, tool, at, *arm in content["rest"]),
+        tuple(
+            PlannedVisit(name, tool, tuple(at), *arm) for name, tool, at, *arm in content["done"]
+        ),
+        tuple(
+            PlannedVisit(name, tool, tuple(at), *arm) for name, tool, at, *arm in content["rest"]
+        ),
         tuple(content["lost"]),
         dict(content["bad"]),
         dict(content["impossible"]),
@@ -124,12 +147,17 @@ Key = tuple[str, str, str]  # measurement, tool, station
 
 
 class PoseStore(Database):
-    """The kept poses in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
+    """The kept poses in a database, given by a file or a URL.
+
+    Raises `InvalidInput` if the database reports an error.
+    """
 
     def of(self, domain: str, problem: str) -> dict[Key, str]:
         """The documents of a problem."""
         mine = (poses.c.domain == domain) & (poses.c.problem == problem)
-        asked = select(poses.c.measurement, poses.c.tool, poses.c.station, poses.c.document).where(mine)
+        asked = select(poses.c.measurement, poses.c.tool, poses.c.station, poses.c.document).where(
+            mine
+        )
         with open_transaction(self._engine, self.target) as connection:
             return {(row[0], row[1], row[2]): row[3] for row in connection.execute(asked)}
 
@@ -140,7 +168,9 @@ class PoseStore(Database):
         documents: Mapping[Key, str],
         measurements: Collection[str] | None = None,
     ) -> None:
-        """Put documents in the place of all that are kept for a problem, or for some of its measurements."""
+        """Put documents in the place of all that are kept for a problem, or for some of its
+        measurements.
+        """
         mine = (poses.c.domain == domain) & (poses.c.problem == problem)
         some = [None] if measurements is None else row_chunks(sorted(measurements))
         rows = [

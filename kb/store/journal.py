@@ -1,6 +1,8 @@
-"""Journals of runs, in the same database as the MACROPs: what was appended is on the disk when `append` returns.
+"""Journals of runs, in the same database as the MACROPs: what was appended is on the disk when
+`append` returns.
 
-A journal is only appended to. Its lines count from 1 without gaps, so what is missing would be seen.
+A journal is only appended to. Its lines count from 1 without gaps, so what is missing would be
+seen.
 """
 
 import json
@@ -21,7 +23,13 @@ from sqlalchemy import (
 
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 from cellwright.kb.json_text import parse_json
-from cellwright.kb.store.database import MIGRATION, Database, lock_key, open_transaction, store_refusal
+from cellwright.kb.store.database import (
+    MIGRATION,
+    Database,
+    lock_key,
+    open_transaction,
+    store_refusal,
+)
 
 metadata = MetaData()
 runs = Table(
@@ -42,16 +50,22 @@ lines = Table(
     sqlite_with_rowid=False,
 )
 JOURNAL_PAGE_LINES = 5_000  # lines that are read at once
-_encoded = json.JSONEncoder(ensure_ascii=False).encode  # made once: `json.dumps` makes one for each line
+# made once: `json.dumps` makes one for each line
+_encoded = json.JSONEncoder(ensure_ascii=False).encode
 
 
 class JournalFailure(Exception):
-    """A journal cannot be written: the disk is full, or the database does not answer. The message says why."""
+    """A journal cannot be written: the disk is full, or the database does not answer.
+
+    The message says why.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class JournalLine:
-    """One line of a journal: its number, the run's clock, what kind it is, and its content as plain JSON."""
+    """One line of a journal: its number, the run's clock, what kind it is, and its content as
+    plain JSON.
+    """
 
     number: int
     at_ms: int
@@ -69,7 +83,10 @@ class Begun:
 
 
 class Journal(Database):
-    """The journals in a database, given by a file or a URL. Raises `InvalidInput` if the database cannot be opened."""
+    """The journals in a database, given by a file or a URL.
+
+    Raises `InvalidInput` if the database cannot be opened.
+    """
 
     def __init__(self, target: str) -> None:
         super().__init__(target, durable=True)
@@ -100,7 +117,10 @@ class Journal(Database):
                 connection.execute(runs.delete().where(runs.c.run == run))
 
     def append(self, run: str, group: Sequence[JournalLine]) -> None:
-        """Append lines in one transaction, and have them written to the disk. Raises `JournalFailure`."""
+        """Append lines in one transaction, and have them written to the disk.
+
+        Raises `JournalFailure`.
+        """
         errors = self._engine.dialect.loaded_dbapi.Error
         lite = self._engine.dialect.name == "sqlite"
         marks = "?, ?, ?, ?, ?" if lite else "%s, %s, %s, %s, %s"
@@ -150,14 +170,19 @@ class Journal(Database):
         """All runs, the oldest first."""
         with open_transaction(self._engine, self.target) as connection:
             rows = connection.execute(select(runs).order_by(runs.c.begun, runs.c.run)).all()
-        return tuple(Begun(run, begun, _line_content(self.target, text)) for run, begun, text in rows)
+        return tuple(
+            Begun(run, begun, _line_content(self.target, text)) for run, begun, text in rows
+        )
 
     def last(self, run: str, kind: str = "", before: int | None = None) -> int:
-        """The number of the last line, or of the last one of a kind, or `before` another one; 0 if there is none."""
+        """The number of the last line, or of the last one of a kind, or `before` another one; 0
+        if there is none.
+        """
         asked = select(lines.c.number).where(lines.c.run == run)
         asked = asked.where(lines.c.kind == kind) if kind else asked
         asked = asked.where(lines.c.number < before) if before is not None else asked
-        asked = asked.order_by(lines.c.number.desc()).limit(1)  # read from the end: a maximum would read all
+        # read from the end: a maximum would read all
+        asked = asked.order_by(lines.c.number.desc()).limit(1)
         with open_transaction(self._engine, self.target) as connection:
             return int(connection.execute(asked).scalar() or 0)
 
@@ -170,20 +195,26 @@ class Journal(Database):
         return (
             None
             if line_row is None
-            else JournalLine(number, line_row[0], line_row[1], _line_content(self.target, line_row[2]))
+            else JournalLine(
+                number, line_row[0], line_row[1], _line_content(self.target, line_row[2])
+            )
         )
 
     def lines(
         self, run: str, after: int = 0, kinds: Sequence[str] = (), until: int | None = None
     ) -> Iterator[JournalLine]:
-        """The lines of a run behind a number, up to another one if it is given, in order; only of some kinds, if they are named."""
+        """The lines of a run behind a number, up to another one if it is given, in order; only
+        of some kinds, if they are named.
+        """
         while True:
             asked = select(lines.c.number, lines.c.at_ms, lines.c.kind, lines.c.content)
             asked = asked.where((lines.c.run == run) & (lines.c.number > after))
             asked = asked.where(lines.c.kind.in_(kinds)) if kinds else asked
             asked = asked.where(lines.c.number <= until) if until is not None else asked
             with open_transaction(self._engine, self.target) as connection:
-                page = connection.execute(asked.order_by(lines.c.number).limit(JOURNAL_PAGE_LINES)).all()
+                page = connection.execute(
+                    asked.order_by(lines.c.number).limit(JOURNAL_PAGE_LINES)
+                ).all()
             for number, at_ms, kind, text in page:
                 yield JournalLine(number, at_ms, kind, _line_content(self.target, text))
                 after = number

@@ -7,7 +7,14 @@ from typing import Any
 
 from cellwright.kb.json_text import parse_json
 from cellwright.kb.model.conditions import Comparison, Parameter
-from cellwright.kb.model.plan_model import CausalLink, MacroChain, Macrop, MacroPart, MacroStep, StepId
+from cellwright.kb.model.plan_model import (
+    CausalLink,
+    MacroChain,
+    Macrop,
+    MacroPart,
+    MacroStep,
+    StepId,
+)
 from cellwright.kb.store.term_notation import (
     NotationError,
     Requirement,
@@ -35,9 +42,11 @@ class Saving:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A MACROP to be stored under the signature of its goals. `planning_s` is the planning time when it was learned.
+    """A MACROP to be stored under the signature of its goals. `planning_s` is the planning time
+    when it was learned.
 
-    `requirements` are the conditions of the index on a query; if missing, they are computed at the first lookup.
+    `requirements` are the conditions of the index on a query; if missing, they are computed at the
+    first lookup.
     """
 
     macrop: Macrop
@@ -99,7 +108,9 @@ def document(macrop: Macrop) -> dict[str, Any]:
         "depends": dict(macrop.depends),
     }
     for typed_variable in macrop.types:
-        document_parts["unary constraints"][str(typed_variable.variable)].append(typed_variable.type)
+        document_parts["unary constraints"][str(typed_variable.variable)].append(
+            typed_variable.type
+        )
     return {key: value for key, value in document_parts.items() if value}
 
 
@@ -130,7 +141,10 @@ def _chain_document(chain: MacroChain) -> dict[str, Any]:
 
 
 def macrop_of(document_parts: Mapping[str, Any]) -> Macrop:
-    """The MACROP that a document describes. Raises `NotationError` if the document is not a MACROP."""
+    """The MACROP that a document describes.
+
+    Raises `NotationError` if the document is not a MACROP.
+    """
     try:
         return _read_macrop(document_parts)
     except RecursionError:
@@ -142,7 +156,9 @@ def macrop_of(document_parts: Mapping[str, Any]) -> Macrop:
 
 
 def _read_macrop(document_parts: Mapping[str, Any]) -> Macrop:
-    different = [read_part(comparison_text) for comparison_text in document_parts.get("different", ())]
+    different = [
+        read_part(comparison_text) for comparison_text in document_parts.get("different", ())
+    ]
     if not all(isinstance(comparison, Comparison) for comparison in different):
         raise NotationError("a difference is written X != Y")
     unary = document_parts.get("unary constraints", {})
@@ -152,7 +168,11 @@ def _read_macrop(document_parts: Mapping[str, Any]) -> Macrop:
         tuple(map(read_literal, document_parts.get("goals", ()))),
         tuple(map(read_literal, document_parts.get("preconditions", ()))),
         tuple(map(read_stored_atom, document_parts.get("adders", ()))),
-        tuple(Parameter(Variable(name), str(type_)) for name, types in unary.items() for type_ in types),
+        tuple(
+            Parameter(Variable(name), str(type_))
+            for name, types in unary.items()
+            for type_ in types
+        ),
         tuple(map(read_part, document_parts.get("n-ary constraints", ()))),
         tuple(comparison for comparison in different if isinstance(comparison, Comparison)),
         tuple(tuple(map(read_part, body)) for body in document_parts.get("excluded", ())),

@@ -41,15 +41,19 @@ from cellwright.kb.store.usage_counts import UtilityFigures as Utilities
 
 
 class Library(Database):
-    """A library in a database. Every method is one transaction, and raises `InvalidInput` if the database reports an error.
+    """A library in a database. Every method is one transaction, and raises `InvalidInput` if the
+    database reports an error.
 
-    A library that is not `writable` can still be read; then uses are not counted. Beside an answer that matters more
-    (`beside`), what cannot be written is not raised: `loss` says why, and nothing more is written. If the system or the server
-    refuses even to open it, the library is empty.
+    A library that is not `writable` can still be read; then uses are not counted. Beside an answer
+    that matters more (`beside`), what cannot be written is not raised: `loss` says why, and nothing
+    more is written. If the system or the server refuses even to open it, the library is empty.
     """
 
     def __init__(self, target: str, beside: bool = False) -> None:
-        """Open a library. It is made if it does not exist, and updated to the current schema. `target` is a file or a URL."""
+        """Open a library. It is made if it does not exist, and updated to the current schema.
+
+        `target` is a file or a URL.
+        """
         self.beside, self.loss = beside, ""
         super().__init__(target)
         self.writable = is_writable(self._engine) and not self.loss
@@ -71,7 +75,10 @@ class Library(Database):
         self.loss, self.writable = error.diagnostics[0].message, False
 
     def kept(self, write: Callable[[], None]) -> None:
-        """Call a function that writes, unless something is lost already. Raises `InvalidInput`, if not `beside` an answer."""
+        """Call a function that writes, unless something is lost already.
+
+        Raises `InvalidInput`, if not `beside` an answer.
+        """
         try:
             if not self.loss:
                 write()
@@ -79,7 +86,9 @@ class Library(Database):
             self._lose(error)
 
     def add(self, records: Iterable[Record]) -> list[int | None]:
-        """Store MACROPs. Returns the number of each, None for those that were stored before, or are lost."""
+        """Store MACROPs. Returns the number of each, None for those that were stored before, or
+        are lost.
+        """
         made = list(records)
         numbers: list[int | None] = []
         self.kept(lambda: numbers.extend(self._add(made)))
@@ -94,8 +103,12 @@ class Library(Database):
             self._shared.forget()
             raise
 
-    def _stored_by(self, connection: Connection, texts: Sequence[tuple[Record, str]]) -> list[int | None]:
-        """Store MACROPs with their documents in a transaction; their numbers, None for those that were stored before."""
+    def _stored_by(
+        self, connection: Connection, texts: Sequence[tuple[Record, str]]
+    ) -> list[int | None]:
+        """Store MACROPs with their documents in a transaction; their numbers, None for those
+        that were stored before.
+        """
         numbers = [_insert_macrop(connection, macrop_record, text) for macrop_record, text in texts]
         self._describe(connection, [(n, r) for n, (r, _) in zip(numbers, texts, strict=True) if n])
         return numbers
@@ -117,11 +130,15 @@ class Library(Database):
             for number, record in new
         ]
         connection.execute(outlines.insert(), rows)
-        unused = [{"macrop": n, "uses": 0, "planning_s": r.planning_s, "lookup_s": 0.0} for n, r in new]
+        unused = [
+            {"macrop": n, "uses": 0, "planning_s": r.planning_s, "lookup_s": 0.0} for n, r in new
+        ]
         connection.execute(usage.insert(), unused)
 
     def outlines(self, domain: str, signature: str | None = None, above: int = 0) -> list[Outline]:
-        """The MACROPs of a domain with numbers greater than `above`, by number; only for goals of one signature if it is given."""
+        """The MACROPs of a domain with numbers greater than `above`, by number; only for goals
+        of one signature if it is given.
+        """
         where = (macrops.c.domain == domain) & (macrops.c.id > above)
         if signature is not None:
             where &= macrops.c.signature == signature
@@ -129,11 +146,15 @@ class Library(Database):
             return self._shared.outlines(connection, where)
 
     def holdings(self, domain: str, last: int | None = None) -> tuple[int, int, str]:
-        """How many MACROPs of a domain there are, and number and fingerprint of the last; only those up to `last` if it is given."""
+        """How many MACROPs of a domain there are, and number and fingerprint of the last; only
+        those up to `last` if it is given.
+        """
         with open_transaction(self._engine, self.target, apart=True) as connection:
             return library_holdings(connection, domain, last)
 
-    def note_outlines(self, outlined: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
+    def note_outlines(
+        self, outlined: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]
+    ) -> None:
         """Store requirements that were computed for MACROPs of older versions, by number."""
         new = list(outlined) if self.writable else []
         if new:
@@ -142,7 +163,9 @@ class Library(Database):
     def _note_outlines(self, new: list[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
         try:
             with open_transaction(self._engine, self.target, writes=True) as connection:
-                shared = self._shared.numbers(connection, {text for _, _, own in new for text, _ in own})
+                shared = self._shared.numbers(
+                    connection, {text for _, _, own in new for text, _ in own}
+                )
                 rows = [
                     {"number": number, "own_cost": macrop.cost, "words": words_of(own, shared)}
                     for macrop, number, own in new
@@ -151,7 +174,9 @@ class Library(Database):
                     "cost": bindparam("own_cost"),
                     "requirements": bindparam("words"),
                 }
-                made = outlines.update().where(outlines.c.macrop == bindparam("number")).values(values)
+                made = (
+                    outlines.update().where(outlines.c.macrop == bindparam("number")).values(values)
+                )
                 connection.execute(made, rows)
         except BaseException:
             self._shared.forget()
@@ -210,10 +235,14 @@ class Library(Database):
             return loads(text)
         except NotationError as error:
             hint = f"`cellwright macros forget {number}` removes it"
-            raise store_refusal(self.target, f"MACROP {number} cannot be read: {error}", hint) from error
+            raise store_refusal(
+                self.target, f"MACROP {number} cannot be read: {error}", hint
+            ) from error
 
     def outdated(self, domain: str, digest: Callable[[str], str]) -> dict[int, tuple[str, ...]]:
-        """The MACROPs of a domain that depend on parts with a new `digest`, with the names of these parts."""
+        """The MACROPs of a domain that depend on parts with a new `digest`, with the names of
+        these parts.
+        """
         own = select(outlines.c.macrop, outlines.c.depends).join_from(outlines, macrops)
         with open_transaction(self._engine, self.target) as connection:
             rests = connection.execute(own.where(macrops.c.domain == domain)).all()
@@ -222,7 +251,9 @@ class Library(Database):
             proof: tuple(sorted(part for part, old in parts.items() if digest(part) != old))
             for proof, parts in depends.items()
         }
-        return {number: changed[proof] for number, proof in sorted(map(tuple, rests)) if changed[proof]}
+        return {
+            number: changed[proof] for number, proof in sorted(map(tuple, rests)) if changed[proof]
+        }
 
     def forget(self, numbers: Collection[int]) -> int:
         """Remove MACROPs; returns how many were found."""
@@ -240,7 +271,9 @@ class Library(Database):
             self._written(lambda connection: add_uses(connection, uses), len(uses) == 1)
 
     def trials(self, domain: str, signature: str) -> tuple[int, int]:
-        """How often plans for goals of one signature could be composed of MACROPs, and how often not."""
+        """How often plans for goals of one signature could be composed of MACROPs, and how
+        often not.
+        """
         with open_transaction(self._engine, self.target, apart=True) as connection:
             return trials_of(connection, domain, signature)
 
@@ -248,7 +281,9 @@ class Library(Database):
         """Count one more attempt to compose a plan."""
         if self.writable:
             counts = (int(success), int(not success))
-            self._written(lambda connection: add_trials(connection, domain, signature, *counts), apart=True)
+            self._written(
+                lambda connection: add_trials(connection, domain, signature, *counts), apart=True
+            )
 
     def utilities(self, domain: str = "") -> dict[tuple[int, str], Utility]:
         """The usefulness of all sub-sequences, or of those of one domain if it is named."""
@@ -262,7 +297,9 @@ class Library(Database):
 
     def _written(self, write: Callable[[Connection], None], apart: bool = False) -> None:
         def whole() -> None:
-            with open_transaction(self._engine, self.target, writes=True, apart=apart) as connection:
+            with open_transaction(
+                self._engine, self.target, writes=True, apart=apart
+            ) as connection:
                 write(connection)
 
         self.kept(whole)
@@ -272,17 +309,23 @@ class Library(Database):
         shapes = select(macrops.c.domain, macrops.c.signature).distinct().subquery()
         saved = func.sum(usage.c.uses * usage.c.planning_s - usage.c.lookup_s)
         by_domain = (
-            select(macrops.c.domain, func.count()).group_by(macrops.c.domain).order_by(macrops.c.domain)
+            select(macrops.c.domain, func.count())
+            .group_by(macrops.c.domain)
+            .order_by(macrops.c.domain)
         )
         with open_transaction(self._engine, self.target) as connection:
             domains = {str(name): int(count) for name, count in connection.execute(by_domain)}
             uses, seconds = connection.execute(select(func.sum(usage.c.uses), saved)).one()
             count = connection.execute(select(func.count()).select_from(shapes)).scalar_one()
             schema = version_of(connection)
-        return Figures(sum(domains.values()), count, int(uses or 0), float(seconds or 0.0), domains, schema)
+        return Figures(
+            sum(domains.values()), count, int(uses or 0), float(seconds or 0.0), domains, schema
+        )
 
 
-_MACROP_BY_NUMBER = select(macrops.c.document, macrops.c.fingerprint).where(macrops.c.id == bindparam("own"))
+_MACROP_BY_NUMBER = select(macrops.c.document, macrops.c.fingerprint).where(
+    macrops.c.id == bindparam("own")
+)
 
 
 def remove_macrops(connection: Connection, numbers: Collection[int]) -> int:
@@ -322,9 +365,11 @@ NO_USE = Use(0, 0.0)
 
 
 class LibraryDraft(Library):
-    """A library as one who changes it sees it: what is stored, and the changes. Nobody else sees them before `write`.
+    """A library as one who changes it sees it: what is stored, and the changes. Nobody else sees
+    them before `write`.
 
-    A new MACROP has a number above all stored ones until it is written; `numbers` then gives its number in the library.
+    A new MACROP has a number above all stored ones until it is written; `numbers` then gives its
+    number in the library.
     """
 
     def __init__(self, target: str) -> None:
@@ -415,11 +460,15 @@ class LibraryDraft(Library):
             self._utilities[key] = self._utilities.get(key, Utility()) + utility
 
     def write(self, connection: Connection) -> None:
-        """Write all changes in a transaction. A MACROP that another process has stored meanwhile counts for this one."""
+        """Write all changes in a transaction.
+
+        A MACROP that another process has stored meanwhile counts for this one.
+        """
         self._shared.forget()
         numbers = self._stored_by(connection, list(self._new.values()))
         others = _stored_numbers(
-            connection, (t for n, (_, t) in zip(numbers, self._new.values(), strict=True) if n is None)
+            connection,
+            (t for n, (_, t) in zip(numbers, self._new.values(), strict=True) if n is None),
         )
         self.numbers = {
             own: number if number is not None else others[text]
@@ -429,9 +478,12 @@ class LibraryDraft(Library):
         for domain, signature in sorted({key[:2] for key in self._trials}):
             counts = (self._trials[domain, signature, success] for success in (True, False))
             add_trials(connection, domain, signature, *counts)
-        figures = {(self.settled(n), search): utility for (n, search), utility in self._utilities.items()}
+        figures = {
+            (self.settled(n), search): utility for (n, search), utility in self._utilities.items()
+        }
         add_figures(
-            connection, {(n, search): utility for (n, search), utility in figures.items() if n is not None}
+            connection,
+            {(n, search): utility for (n, search), utility in figures.items() if n is not None},
         )
         remove_macrops(connection, self._gone)
 
@@ -446,5 +498,7 @@ def _stored_numbers(connection: Connection, texts: Iterable[str]) -> dict[str, i
     numbers_by_text: dict[str, int] = {}
     for chunk in row_chunks(sorted(digests)):
         asked = select(macrops.c.fingerprint, macrops.c.id).where(macrops.c.fingerprint.in_(chunk))
-        numbers_by_text.update((digests[digest], number) for digest, number in connection.execute(asked))
+        numbers_by_text.update(
+            (digests[digest], number) for digest, number in connection.execute(asked)
+        )
     return numbers_by_text

@@ -1,7 +1,7 @@
 """Outlines of stored MACROPs: short rows that are read before any document.
 
-Data that many MACROPs of a domain share (what they depend on, the conditions of the index) is stored once, as a text with
-a number.
+Data that many MACROPs of a domain share (what they depend on, the conditions of the index) is
+stored once, as a text with a number.
 """
 
 import contextlib
@@ -26,8 +26,8 @@ ROWS_PER_STATEMENT = 500  # the number of rows in one statement
 class Outline(Saving):
     """A MACROP of a library without its document.
 
-    `requirements` are the conditions of the index, each with its least number; None if they are not computed yet. MACROPs
-    with the same `proof` depend on the same parts.
+    `requirements` are the conditions of the index, each with its least number; None if they are not
+    computed yet. MACROPs with the same `proof` depend on the same parts.
     """
 
     id: int
@@ -64,8 +64,12 @@ class SharedTexts:
             rows = [{"fingerprint": digest, "text": text} for digest, text in new.items()]
             connection.execute(insert(shared).on_conflict_do_nothing(), rows)
             for chunk in row_chunks(sorted(new)):
-                asked = select(shared.c.id, shared.c.fingerprint).where(shared.c.fingerprint.in_(chunk))
-                self._numbers.update((new[digest], number) for number, digest in connection.execute(asked))
+                asked = select(shared.c.id, shared.c.fingerprint).where(
+                    shared.c.fingerprint.in_(chunk)
+                )
+                self._numbers.update(
+                    (new[digest], number) for number, digest in connection.execute(asked)
+                )
         return self._numbers
 
     def outlines(self, connection: Connection, where: object) -> list[Outline]:
@@ -74,12 +78,16 @@ class SharedTexts:
         figures = (usage.c.uses, usage.c.planning_s, usage.c.lookup_s)
         own = (outlines.c.cost, outlines.c.depends, outlines.c.requirements)
         asked = select(*columns, *own, *figures).join_from(macrops, outlines).outerjoin(usage)
-        rows: list[tuple[Any, ...]] = [*connection.execute(asked.where(where).order_by(macrops.c.id))]  # type: ignore[arg-type]
+        rows: list[tuple[Any, ...]] = [
+            *connection.execute(asked.where(where).order_by(macrops.c.id))
+        ]  # type: ignore[arg-type]
         with _damage_told():
             self._meet(connection, rows)
             return [self._outline(*row) for row in rows]
 
-    def depends(self, connection: Connection, numbers: Iterable[int]) -> dict[int, Mapping[str, str]]:
+    def depends(
+        self, connection: Connection, numbers: Iterable[int]
+    ) -> dict[int, Mapping[str, str]]:
         """The parts that the proofs with these numbers depend on."""
         wanted = set(numbers)
         with _damage_told():
@@ -116,9 +124,13 @@ class SharedTexts:
         planning_s: float | None,
         lookup_s: float | None,
     ) -> Outline:
-        required = tuple([self._required[word] for word in words.split()]) if words is not None else None
+        required = (
+            tuple([self._required[word] for word in words.split()]) if words is not None else None
+        )
         figures = uses or 0, planning_s or 0.0, lookup_s or 0.0
-        return Outline(number, signature, name, steps, cost, proof, self._depends[proof], required, *figures)
+        return Outline(
+            number, signature, name, steps, cost, proof, self._depends[proof], required, *figures
+        )
 
 
 def _shared_parts(text: str) -> Mapping[str, str]:
@@ -131,7 +143,9 @@ def _shared_parts(text: str) -> Mapping[str, str]:
 
 @contextlib.contextmanager
 def _damage_told() -> Iterator[None]:
-    """Turn what goes wrong with damaged rows into one refusal: a number that is none, a text of this number that is missing."""
+    """Turn what goes wrong with damaged rows into one refusal: a number that is none, a text of
+    this number that is missing.
+    """
     try:
         yield
     except KeyError as error:
@@ -146,9 +160,12 @@ def _damage_error(why: str) -> InvalidInput:
 
 
 def words_of(requirements: Iterable[Requirement], numbers: Mapping[str, int]) -> str:
-    """Requirements as text for a column: the numbers of their texts, each with its count if that is not one."""
+    """Requirements as text for a column: the numbers of their texts, each with its count if
+    that is not one.
+    """
     return " ".join(
-        f"{numbers[text]}*{least}" if least != 1 else str(numbers[text]) for text, least in requirements
+        f"{numbers[text]}*{least}" if least != 1 else str(numbers[text])
+        for text, least in requirements
     )
 
 

@@ -12,7 +12,18 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Column, Connection, Engine, Table, delete, func, insert, inspect, select, text
+from sqlalchemy import (
+    Column,
+    Connection,
+    Engine,
+    Table,
+    delete,
+    func,
+    insert,
+    inspect,
+    select,
+    text,
+)
 
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import is_file, is_there
@@ -55,20 +66,31 @@ Rows = dict[str, int]
 
 
 def store_tables() -> list[Table]:
-    """All tables of a library, cases and journals included; those that others refer to come first."""
-    tables_found = [*library_tables.sorted_tables, *case_tables.sorted_tables, *journal_tables.sorted_tables]
+    """All tables of a library, cases and journals included; those that others refer to come
+    first.
+    """
+    tables_found = [
+        *library_tables.sorted_tables,
+        *case_tables.sorted_tables,
+        *journal_tables.sorted_tables,
+    ]
     return [table for table in tables_found if table not in (dependencies, versions)]
 
 
 def check_library(store: str) -> tuple[list[Diagnostic], Rows]:
-    """What is wrong in a library, and the rows of each of its tables. Raises `InvalidInput` if this is no library."""
+    """What is wrong in a library, and the rows of each of its tables.
+
+    Raises `InvalidInput` if this is no library.
+    """
     damages, rows = list[str](), Rows()
     with existing_engine(store) as engine:
         _require_library(engine, store)
         for look in (_page_damage, _schema_damage, _reference_damage, *_DOCUMENT_CHECKS):
             damages += _look_for_damage(engine, store, look)
         for store_table in store_tables():
-            damages += _look_for_damage(engine, store, partial(_count_rows, table=store_table, rows=rows))
+            damages += _look_for_damage(
+                engine, store, partial(_count_rows, table=store_table, rows=rows)
+            )
     return [
         Diagnostic(Source(store), DAMAGE_CODE, damage_text, RESTORE_HINT)
         for damage_text in dict.fromkeys(damages)
@@ -96,14 +118,23 @@ def _require_library(engine: Engine, store: str) -> None:
         raise store_refusal(store, said, "install a newer Cellwright")
 
 
-def _look_for_damage(engine: Engine, store: str, look: Callable[[Connection], Iterable[str]]) -> list[str]:
+def _look_for_damage(
+    engine: Engine, store: str, look: Callable[[Connection], Iterable[str]]
+) -> list[str]:
     """What one look finds. That the database or a row cannot be read is a finding, too."""
     try:
         with open_transaction(engine, store) as connection:
             return list(islice(look(connection), MAX_FINDINGS_OF_KIND))
     except InvalidInput as error:
         return [error.diagnostics[0].message]
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+    ) as error:
         return [f"a row cannot be read: {error!r}"[:200]]
 
 
@@ -123,7 +154,10 @@ def _page_damage(connection: Connection) -> Iterator[str]:
 
 
 def _schema_damage(connection: Connection) -> Iterator[str]:
-    """Tables and columns that are not there. Tables of an older version are made when the library is opened."""
+    """Tables and columns that are not there.
+
+    Tables of an older version are made when the library is opened.
+    """
     known = inspect(connection)
     names = set(known.get_table_names())
     needed = {own_table.name for own_table in library_tables.sorted_tables} - {dependencies.name}
@@ -135,7 +169,11 @@ def _schema_damage(connection: Connection) -> Iterator[str]:
             if table.name in names
             else set()
         )
-        missing = sorted({column.name for column in table.columns} - columns_there) if columns_there else []
+        missing = (
+            sorted({column.name for column in table.columns} - columns_there)
+            if columns_there
+            else []
+        )
         yield from (f"the table '{table.name}' has no column '{name}'" for name in missing)
 
 
@@ -156,10 +194,17 @@ def _reference_damage(connection: Connection) -> Iterator[str]:
                 yield f"MACROP {number} has no row in '{table.name}'"
 
 
-def _dangling_rows(connection: Connection, column: Column[Any], other: Column[Any]) -> Iterator[str]:
+def _dangling_rows(
+    connection: Connection, column: Column[Any], other: Column[Any]
+) -> Iterator[str]:
     there = select(other).where(other == column).exists()
-    for (value,) in connection.execute(select(column).where(~there).distinct().limit(MAX_FINDINGS_OF_KIND)):
-        yield f"a row in '{column.table.name}' refers to {value}, which is not in '{other.table.name}'"
+    for (value,) in connection.execute(
+        select(column).where(~there).distinct().limit(MAX_FINDINGS_OF_KIND)
+    ):
+        yield (
+            f"a row in '{column.table.name}' refers to {value}, which is not in "
+            f"'{other.table.name}'"
+        )
 
 
 def _macrop_damage(connection: Connection) -> Iterator[str]:
@@ -185,7 +230,9 @@ def _shared_text_damage(connection: Connection) -> Iterator[str]:
 
 def _requirement_damage(connection: Connection) -> Iterator[str]:
     known = {number for (number,) in _select_rows(connection, shared, shared.c.id)}
-    for number, words in _select_rows(connection, outlines, outlines.c.macrop, outlines.c.requirements):
+    for number, words in _select_rows(
+        connection, outlines, outlines.c.macrop, outlines.c.requirements
+    ):
         wanted = {int(word.partition("*")[0]) for word in (words or "").split()}
         for missing_number in sorted(wanted - known):
             yield f"MACROP {number} requires the shared text {missing_number}, which is not there"
@@ -193,17 +240,22 @@ def _requirement_damage(connection: Connection) -> Iterator[str]:
 
 def _journal_damage(connection: Connection) -> Iterator[str]:
     """Journals whose lines do not count from 1 without gaps."""
-    asked = select(lines.c.run, func.count(), func.min(lines.c.number), func.max(lines.c.number)).group_by(
-        lines.c.run
-    )
+    asked = select(
+        lines.c.run, func.count(), func.min(lines.c.number), func.max(lines.c.number)
+    ).group_by(lines.c.run)
     if not inspect(connection).has_table(lines.name):
         return
     for run, count, first, last in connection.execute(asked):
         if (first, last) != (1, count):
-            yield f"the journal of run '{run}' has {count} lines, from {first} to {last}: some are missing"
+            yield (
+                f"the journal of run '{run}' has {count} lines, from {first} to {last}: some "
+                "are missing"
+            )
 
 
-def _json_in(table: Table, kind: type, *columns: Column[Any]) -> Callable[[Connection], Iterator[str]]:
+def _json_in(
+    table: Table, kind: type, *columns: Column[Any]
+) -> Callable[[Connection], Iterator[str]]:
     """A look at columns that hold JSON of a kind."""
     keys = list(table.primary_key.columns)
 
@@ -224,7 +276,9 @@ def _parse_json(said: str) -> object:
         return None
 
 
-def _select_rows(connection: Connection, table: Table, *columns: Column[Any]) -> Iterator[tuple[Any, ...]]:
+def _select_rows(
+    connection: Connection, table: Table, *columns: Column[Any]
+) -> Iterator[tuple[Any, ...]]:
     if inspect(connection).has_table(table.name):
         yield from connection.execution_options(yield_per=1000).execute(select(*columns))
 
@@ -250,19 +304,25 @@ _NOT_EMPTY_HINT = (
 
 
 def write_backup(store: str, file: Path) -> dict[str, int]:
-    """Write a library as it is at one moment into a new file; returns the rows of each table. Raises `InvalidInput`.
+    """Write a library as it is at one moment into a new file; returns the rows of each table.
+    Raises `InvalidInput`.
 
     The file appears under its name when it is whole and on the disk.
     """
     if is_there(file):
-        raise store_refusal(str(file), "there is a file of this name already", "name another file", "K403")
+        raise store_refusal(
+            str(file), "there is a file of this name already", "name another file", "K403"
+        )
     new = file.with_name(f"{file.name}.part")
     with existing_engine(store) as engine, _removed_at_the_end(new):
         if engine.dialect.name == "sqlite":
             _copy_pages(engine, store, new)
         else:
             _make_library(str(new))
-            with _both_transactions(engine, store, connect_engine(str(new)), str(new)) as (source, target):
+            with _both_transactions(engine, store, connect_engine(str(new)), str(new)) as (
+                source,
+                target,
+            ):
                 _copy_rows(source, target)
         row_counts = _finish_copy(new)
         os.replace(new, file)
@@ -271,9 +331,11 @@ def write_backup(store: str, file: Path) -> dict[str, int]:
 
 
 def restore_backup(file: Path, store: str, replaces: bool = False) -> dict[str, int]:
-    """Put a backup in the place of a library, which must be empty unless it is replaced; returns the rows of each table.
+    """Put a backup in the place of a library, which must be empty unless it is replaced; returns
+    the rows of each table.
 
-    Everything is done in one transaction, so others see the library before or after it. Raises `InvalidInput`.
+    Everything is done in one transaction, so others see the library before or after it. Raises
+    `InvalidInput`.
     """
     findings = check_library(str(file))[0]
     if findings:
@@ -284,7 +346,8 @@ def restore_backup(file: Path, store: str, replaces: bool = False) -> dict[str, 
 
 
 def migrate_library(source: str, store: str) -> dict[str, int]:
-    """Copy a library as it is at one moment into an empty one, which may be of the other kind; returns the rows of each table.
+    """Copy a library as it is at one moment into an empty one, which may be of the other kind;
+    returns the rows of each table.
 
     The source stays as it is. The copy is checked. Raises `InvalidInput`.
     """
@@ -331,7 +394,9 @@ def _make_library(store: str) -> None:
 
 
 def _make_anew(store: str) -> None:
-    """Make a library where there may be a damaged one: a file that cannot be used gets the ending `.damaged`."""
+    """Make a library where there may be a damaged one: a file that cannot be used gets the
+    ending `.damaged`.
+    """
     try:
         _make_library(store)
         with existing_engine(store) as engine, open_transaction(engine, store) as connection:
@@ -405,7 +470,9 @@ def _finish_copy(file: Path) -> dict[str, int]:
     findings, rows = check_library(str(file))
     if findings:
         hint = "`cellwright store check` lists it all"
-        raise store_refusal(str(file), f"the library is damaged: {findings[0].message}", hint, "K422")
+        raise store_refusal(
+            str(file), f"the library is damaged: {findings[0].message}", hint, "K422"
+        )
     _sync_file(file)
     return rows
 

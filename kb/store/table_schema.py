@@ -1,6 +1,7 @@
 """The tables of a store, and the migrations from each version to the next.
 
-A new library goes through all migrations, so that the migrations for old files are used, and tested, every day.
+A new library goes through all migrations, so that the migrations for old files are used, and
+tested, every day.
 """
 
 import hashlib
@@ -94,7 +95,8 @@ utility = Table(
     Column("beside", Integer, nullable=False, default=0),
 )
 
-# Texts that many MACROPs share: what they depend on, and conditions of the index. Texts are only added.
+# Texts that many MACROPs share: what they depend on, and conditions of the index. Texts are only
+# added.
 shared = Table(
     "shared",
     metadata,
@@ -113,7 +115,8 @@ outlines = Table(
     Column("requirements", Text),  # numbers of shared texts; NULL in rows of older versions
 )
 
-# Where an arm can stand to take measurements: one row for each measurement, tool and station of a problem.
+# Where an arm can stand to take measurements: one row for each measurement, tool and station of a
+# problem.
 poses = Table(
     "poses",
     metadata,
@@ -125,7 +128,8 @@ poses = Table(
     Column("document", Text, nullable=False),
 )
 
-# Results of finished pieces of a work that is not finished as a whole. `key` is a digest of all that a result depends on.
+# Results of finished pieces of a work that is not finished as a whole. `key` is a digest of all
+# that a result depends on.
 units = Table(
     "units",
     metadata,
@@ -143,7 +147,9 @@ def _create_first_tables(connection: Connection) -> None:
 def _with_usage(connection: Connection) -> None:
     metadata.create_all(connection, [usage])
     nothing = select(macrops.c.id, literal(0), literal(0.0), literal(0.0))
-    connection.execute(insert(usage).from_select(["macrop", "uses", "planning_s", "lookup_s"], nothing))
+    connection.execute(
+        insert(usage).from_select(["macrop", "uses", "planning_s", "lookup_s"], nothing)
+    )
 
 
 def _with_trials(connection: Connection) -> None:
@@ -161,12 +167,17 @@ def _with_utility(connection: Connection) -> None:
 def _with_outlines(connection: Connection) -> None:
     """Store what MACROPs depend on once for all MACROPs that depend on the same parts."""
     metadata.create_all(connection, [shared, outlines])
-    depends: dict[int, dict[str, str]] = {n: {} for (n,) in connection.execute(select(macrops.c.id))}
+    depends: dict[int, dict[str, str]] = {
+        n: {} for (n,) in connection.execute(select(macrops.c.id))
+    }
     for number, part, digest in connection.execute(select(dependencies)):
         depends[number][part] = digest
     texts = {number: depends_text(depends_on) for number, depends_on in sorted(depends.items())}
     if texts:
-        rows = [{"fingerprint": text_fingerprint(text), "text": text} for text in sorted(set(texts.values()))]
+        rows = [
+            {"fingerprint": text_fingerprint(text), "text": text}
+            for text in sorted(set(texts.values()))
+        ]
         connection.execute(insert(shared), rows)
         numbers = {text: n for n, text in connection.execute(select(shared.c.id, shared.c.text))}
         connection.execute(
@@ -210,7 +221,9 @@ class NewerSchema(Exception):
     """The library was written by a later version of Cellwright."""
 
     def __init__(self, version: int) -> None:
-        super().__init__(f"the library has schema {version}; this version reads up to {CURRENT_SCHEMA}")
+        super().__init__(
+            f"the library has schema {version}; this version reads up to {CURRENT_SCHEMA}"
+        )
 
 
 def version_of(connection: Connection) -> int:
@@ -221,7 +234,10 @@ def version_of(connection: Connection) -> int:
 
 
 def update_schema(connection: Connection) -> None:
-    """Update the tables to the current version, inside the caller's transaction. Raises `NewerSchema`."""
+    """Update the tables to the current version, inside the caller's transaction.
+
+    Raises `NewerSchema`.
+    """
     version = version_of(connection)
     if version > CURRENT_SCHEMA:
         raise NewerSchema(version)

@@ -1,7 +1,7 @@
 """Reads terms and literals of stored MACROPs from their texts.
 
-Libraries contain hundreds of thousands of short texts, but few different ones. So this is a small hand-written reader with
-a cache. Texts written by people are read by `cellwright.kb.syntax`.
+Libraries contain hundreds of thousands of short texts, but few different ones. So this is a small
+hand-written reader with a cache. Texts written by people are read by `cellwright.kb.syntax`.
 """
 
 import functools
@@ -101,7 +101,9 @@ def _finish_text(tokens: _Tokens) -> None:
 def _read_term(tokens: _Tokens) -> Term:
     tokens.depth += 1
     if tokens.depth > MAX_BRACKET_DEPTH:
-        raise NotationError(f"'{tokens.text[:60]}': nested deeper than {MAX_BRACKET_DEPTH} brackets")
+        raise NotationError(
+            f"'{tokens.text[:60]}': nested deeper than {MAX_BRACKET_DEPTH} brackets"
+        )
     term = _read_operand(tokens)
     tokens.depth -= 1
     return term
@@ -112,7 +114,9 @@ def _read_operand(tokens: _Tokens) -> Term:
     if token == "(":
         return _read_bracket(tokens)
     if kind == "text":
-        return Text(re.sub(r"\\(.)", lambda escape: "\n" if escape[1] == "n" else escape[1], token[1:-1]))
+        return Text(
+            re.sub(r"\\(.)", lambda escape: "\n" if escape[1] == "n" else escape[1], token[1:-1])
+        )
     if kind == "number":
         return Number(_read_number(tokens, token))
     if kind != "name":

@@ -1,7 +1,8 @@
 """The ledger of unfinished work: results of finished units, until all are done.
 
-A row has the name of a unit, and a key: a digest of all that its result depends on. A result counts only for the same key. So a
-unit whose input was edited is done again, and its new result takes the place of the old one.
+A row has the name of a unit, and a key: a digest of all that its result depends on. A result counts
+only for the same key. So a unit whose input was edited is done again, and its new result takes the
+place of the old one.
 """
 
 import json
@@ -19,14 +20,20 @@ from cellwright.kb.store.table_schema import units
 
 
 class UnitStore(Database):
-    """The finished units of one kind of work, in a database. Raises `InvalidInput` if the database reports an error."""
+    """The finished units of one kind of work, in a database.
+
+    Raises `InvalidInput` if the database reports an error.
+    """
 
     def __init__(self, target: str, kind: str) -> None:
         super().__init__(target)
         self.kind = kind
 
     def finished(self, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-        """The results of those units, given by name and key, that are finished. One that cannot be read is not."""
+        """The results of those units, given by name and key, that are finished.
+
+        One that cannot be read is not.
+        """
         results: dict[str, dict[str, Any]] = {}
         with open_transaction(self._engine, self.target) as connection:
             for chunk in row_chunks(sorted(keys)):
@@ -39,7 +46,8 @@ class UnitStore(Database):
         return results
 
     def keep(self, name: str, key: str, result: Mapping[str, Any]) -> None:
-        """Keep the result of a unit, in the place of an older one. To keep the same one twice changes nothing.
+        """Keep the result of a unit, in the place of an older one. To keep the same one twice
+        changes nothing.
 
         In a library that may only be read nothing is kept.
         """
@@ -50,10 +58,11 @@ class UnitStore(Database):
     def settle(
         self, name: str, key: str, draft: LibraryDraft, result: Callable[[], Mapping[str, Any]]
     ) -> bool:
-        """Write a draft and keep the result of its unit, in one transaction. `result` is asked when the draft is written.
+        """Write a draft and keep the result of its unit, in one transaction. `result` is asked when
+        the draft is written.
 
-        Nothing is written, and the answer is False, if the unit was settled by another process in the meantime, or if the
-        library may only be read.
+        Nothing is written, and the answer is False, if the unit was settled by another process in
+        the meantime, or if the library may only be read.
         """
         if not is_writable(self._engine):
             return False
@@ -78,7 +87,9 @@ class UnitStore(Database):
             return
         with open_transaction(self._engine, self.target, writes=True) as connection:
             for chunk in row_chunks(sorted(names)):
-                connection.execute(delete(units).where((units.c.kind == self.kind) & units.c.name.in_(chunk)))
+                connection.execute(
+                    delete(units).where((units.c.kind == self.kind) & units.c.name.in_(chunk))
+                )
 
 
 def _read_result(document: str) -> dict[str, Any] | None:

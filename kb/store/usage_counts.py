@@ -1,6 +1,7 @@
 """Counts of a library: uses of MACROPs, trials of composing, usefulness in searches.
 
-These statements belong to each lookup. So they are made once: making one takes longer than the answer of a server on the same machine.
+These statements belong to each lookup. So they are made once: making one takes longer than the
+answer of a server on the same machine.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -20,7 +21,10 @@ def _holding_counts(*own: ColumnElement[bool]) -> Select[Any]:
 
 
 _OF_DOMAIN = macrops.c.domain == bindparam("own")
-_ALL, _FIRST = _holding_counts(_OF_DOMAIN), _holding_counts(_OF_DOMAIN, macrops.c.id <= bindparam("last"))
+_ALL, _FIRST = (
+    _holding_counts(_OF_DOMAIN),
+    _holding_counts(_OF_DOMAIN, macrops.c.id <= bindparam("last")),
+)
 _INCREASED_USES = {
     "uses": usage.c.uses + bindparam("times"),
     "lookup_s": usage.c.lookup_s + bindparam("seconds"),
@@ -28,9 +32,15 @@ _INCREASED_USES = {
 _ADD_USE = usage.update().where(usage.c.macrop == bindparam("number")).values(_INCREASED_USES)
 
 
-def library_holdings(connection: Connection, domain: str, last: int | None = None) -> tuple[int, int, str]:
-    """How many MACROPs of a domain there are, and number and fingerprint of the last; only those up to `last` if it is given."""
-    asked, values = (_ALL, {"own": domain}) if last is None else (_FIRST, {"own": domain, "last": last})
+def library_holdings(
+    connection: Connection, domain: str, last: int | None = None
+) -> tuple[int, int, str]:
+    """How many MACROPs of a domain there are, and number and fingerprint of the last; only
+    those up to `last` if it is given.
+    """
+    asked, values = (
+        (_ALL, {"own": domain}) if last is None else (_FIRST, {"own": domain, "last": last})
+    )
     count, number, text = connection.execute(asked, values).one()
     return int(count), int(number or 0), str(text or "")
 
@@ -45,7 +55,9 @@ def add_uses(connection: Connection, uses: Mapping[int, Use]) -> None:
         connection.execute(_ADD_USE, rows if len(rows) > 1 else rows[0])
 
 
-def add_trials(connection: Connection, domain: str, signature: str, successes: int, failures: int) -> None:
+def add_trials(
+    connection: Connection, domain: str, signature: str, successes: int, failures: int
+) -> None:
     """Count attempts to compose plans for goals of one signature."""
     row = {"domain": domain, "signature": signature, "successes": successes, "failures": failures}
     connection.execute(_ADD_TRIAL[connection.dialect.name], row)
@@ -61,7 +73,9 @@ _ADD_TRIAL = {"sqlite": _add_trial(sqlite.insert), "postgresql": _add_trial(post
 
 
 def trials_of(connection: Connection, domain: str, signature: str) -> tuple[int, int]:
-    """How often plans for goals of one signature could be composed of MACROPs, and how often not."""
+    """How often plans for goals of one signature could be composed of MACROPs, and how often
+    not.
+    """
     row = connection.execute(_READ_TRIALS, {"own": domain, "goals": signature}).first()
     return (int(row[0]), int(row[1])) if row else (0, 0)
 
@@ -77,7 +91,10 @@ MAX_PAYING_SHARE = 0.85  # the largest share of the work without it that pays
 
 @dataclass(frozen=True, slots=True)
 class Utility:
-    """The figures of one MACROP in one kind of search. Work is counted in generated nodes, summed over trials."""
+    """The figures of one MACROP in one kind of search.
+
+    Work is counted in generated nodes, summed over trials.
+    """
 
     offered: int = 0
     used: int = 0
@@ -96,7 +113,9 @@ class Utility:
 
     @property
     def pays(self) -> bool:
-        """Whether it should be offered: it saved work in trials, and is not too often offered without being used."""
+        """Whether it should be offered: it saved work in trials, and is not too often offered
+        without being used.
+        """
         in_vain = self.offered >= RARELY and self.used * SELDOM < self.offered
         return self.beside < MAX_PAYING_SHARE * self.without and not in_vain
 
@@ -129,7 +148,9 @@ def add_figures(connection: Connection, more: UtilityFigures) -> None:
         values = {name: getattr(figures, name) for name in names}
         made = insert(utility).values(macrop=number, search=search, **values)
         added = {name: utility.c[name] + value for name, value in values.items()}
-        connection.execute(made.on_conflict_do_update(index_elements=["macrop", "search"], set_=added))
+        connection.execute(
+            made.on_conflict_do_update(index_elements=["macrop", "search"], set_=added)
+        )
 
 
 def _of_known(more: UtilityFigures, known: set[int]) -> Iterable[tuple[tuple[int, str], Utility]]:

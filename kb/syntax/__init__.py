@@ -35,10 +35,20 @@ from cellwright.kb.model.statement import Statement
 from cellwright.kb.plain_terms import plain_terms
 from cellwright.kb.syntax.expression_checks import ExpressionError, check_brackets, check_size
 from cellwright.kb.syntax.grammar_tables import TABLES_FILE, load_parser, tables_text
-from cellwright.kb.terms import Function, Number, Operation, Term, Text, Variable, join_stage, term_variables
+from cellwright.kb.terms import (
+    Function,
+    Number,
+    Operation,
+    Term,
+    Text,
+    Variable,
+    join_stage,
+    term_variables,
+)
 
 _READABLE = {
-    "RPAR": "')'", "LPAR": "'('", "COMMA": "','", "NAME": "a name", "VARIABLE": "a variable", "SEMICOLON": "';'",
+    "RPAR": "')'", "LPAR": "'('", "COMMA": "','", "NAME": "a "
+    "name", "VARIABLE": "a variable", "SEMICOLON": "';'",
     "RELATION": "a comparison", "VBAR": "'|'", "SIGNED_INT": "a number", "STRING": "a string",
 }  # fmt: skip
 
@@ -56,7 +66,9 @@ def explain_error(error: UnexpectedInput, text: str, start: str) -> ExpressionEr
             said, offset = "the expression ends too early", len(text.rstrip())
     expected = getattr(error, "accepts", None) or getattr(error, "expected", None) or ()
     readable = sorted(_READABLE[name] for name in expected if name in _READABLE)
-    hint = _TOKEN_HINTS.get(":" if text[:offset].rstrip().endswith(":") else text[offset : offset + 1], "")
+    hint = _TOKEN_HINTS.get(
+        ":" if text[:offset].rstrip().endswith(":") else text[offset : offset + 1], ""
+    )
     if start in ("atoms", "stages", "clauses") and re.search(r"\bnot\s+$", text[:offset]):
         hint = _NOT_HINT
     if text[offset : offset + 1] == "|" and (
@@ -67,9 +79,13 @@ def explain_error(error: UnexpectedInput, text: str, start: str) -> ExpressionEr
     return ExpressionError(offset, said, hint)
 
 
-_NOT_HINT = "`not` is only allowed in conditions; facts that are not listed are false, and `deletes` and `denies` make facts false"
+_NOT_HINT = (
+    "`not` is only allowed in conditions; facts that are not listed are false, and `deletes` "
+    "and `denies` make facts false"
+)
 _ABSOLUTE_HINT = (
-    "absolute values are known in .lp files: derive a fact with one there, and bind its number under `where`"
+    "absolute values are known in .lp files: derive a fact with one there, and bind its number "
+    "under `where`"
 )
 _ATOMS, _CONDITIONS = (
     "atoms, such as at(Item, To), with commas between",
@@ -85,12 +101,15 @@ _START_SHAPES = {
     "terms": "names, variables and terms, with commas between",
     "clauses": "an atom and its constraints, such as at(Item, Other), Other != To",
     "atoms": _ATOMS,
-    "stages": "atoms, such as at(Item, To), with commas between; `&` between those that are reached together",
+    "stages": "atoms, such as at(Item, To), with commas between; `&` between those that are "
+    "reached "
+    "together",
     "conditions": _CONDITIONS,
     "body": _CONDITIONS,
 }  # what each kind of expression looks like
 _CHARACTER_HINTS = {
-    ".": "an expression does not end with a full stop; ranges such as p_1..4 are only allowed in lists of objects",
+    ".": "an expression does not end with a full stop; ranges such as p_1..4 are only allowed in "
+    "lists of objects",
     "&": _TOGETHER,
     "!": "write `not` before the atom",
     "-": "write `not` before the atom",
@@ -133,16 +152,25 @@ GRAMMAR_STARTS = [
 GRAMMAR_STARTS += ["signature"]
 SHORT_EXPRESSION_CHARACTERS = 1000  # characters
 MAX_EXPRESSION_INTEGER = 2**31 - 1  # clingo counts in 32 bits, and overflows silently
-SECONDS_PER_UNIT = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
+SECONDS_PER_UNIT = {
+    "ms": Fraction(1, 1000),
+    "s": Fraction(1),
+    "min": Fraction(60),
+    "h": Fraction(3600),
+}
 
 
 ReadAggregate = Callable[[str, int], Statement]
-"""An aggregate's text and where it begins, read by others as the constraint that forbids it; raises `ExpressionError`."""
+"""An aggregate's text and where it begins, read by others as the constraint that forbids it;
+raises `ExpressionError`.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Parsed:
-    """The value of a text, and the first place of each function and variable in it (offsets in characters)."""
+    """The value of a text, and the first place of each function and variable in it (offsets in
+    characters).
+    """
 
     value: Any
     places: Mapping[Function | Variable, int] = field(default_factory=dict)
@@ -153,7 +181,11 @@ def unit_seconds(name: str) -> Fraction | None:
     if name in SECONDS_PER_UNIT:
         return SECONDS_PER_UNIT[name]
     return next(
-        (SECONDS_PER_UNIT[short] for short in ("s", "min", "h") if re.fullmatch(_SPELLINGS[short], name)),
+        (
+            SECONDS_PER_UNIT[short]
+            for short in ("s", "min", "h")
+            if re.fullmatch(_SPELLINGS[short], name)
+        ),
         None,
     )
 
@@ -199,7 +231,10 @@ class _Reader(Transformer[Token, Any]):
             raise ExpressionError(offset, message, hint, "K113")
         if abs(value) > MAX_EXPRESSION_INTEGER:
             raise ExpressionError(
-                offset, "this number is too large", f"the largest is {MAX_EXPRESSION_INTEGER}", "K113"
+                offset,
+                "this number is too large",
+                f"the largest is {MAX_EXPRESSION_INTEGER}",
+                "K113",
             )
         return Number(int(value))
 
@@ -207,14 +242,19 @@ class _Reader(Transformer[Token, Any]):
         amount = re.match(r"[0-9.]+", token)
         unit = token[amount.end() :].strip() if amount else ""
         return self._number(
-            Fraction(_read_digits(amount[0] if amount else "")) * (unit_seconds(unit) or 1) / self.unit, token
+            Fraction(_read_digits(amount[0] if amount else ""))
+            * (unit_seconds(unit) or 1)
+            / self.unit,
+            token,
         )
 
     def decimal(self, token: Token) -> Function:
         return Function(str(token))  # only in reply patterns, which clingo never reads
 
     def text(self, token: Token) -> Text:
-        return Text(re.sub(r"\\(.)", lambda escape: "\n" if escape[1] == "n" else escape[1], token[1:-1]))
+        return Text(
+            re.sub(r"\\(.)", lambda escape: "\n" if escape[1] == "n" else escape[1], token[1:-1])
+        )
 
     def operation(self, left: Term, operator: Token, right: Term) -> Operation:
         return Operation(str(operator), left, right)
@@ -234,7 +274,9 @@ class _Reader(Transformer[Token, Any]):
         return self._place(
             Function(
                 str(name),
-                tuple(self.variable(parameter) for parameter in parameters if parameter is not None),
+                tuple(
+                    self.variable(parameter) for parameter in parameters if parameter is not None
+                ),
             ),
             name,
         )
@@ -256,7 +298,9 @@ class _Reader(Transformer[Token, Any]):
         start = min(part.start_pos or 0 for part in parts if isinstance(part, Token))
         read = self.read_aggregate(text, start)
         standing = tuple(map(Variable, read.variables))
-        return Aggregate(text, outer, value if bound else None, standing, tuple(use for use, _ in read.uses))
+        return Aggregate(
+            text, outer, value if bound else None, standing, tuple(use for use, _ in read.uses)
+        )
 
     def universal(self, literal: Literal, guard: Condition) -> ForAll:
         local = tuple(Parameter(variable, "") for variable in free_variables(guard))
@@ -291,7 +335,10 @@ class _Reader(Transformer[Token, Any]):
 
 
 def _read_digits(text: str) -> str:
-    """The digits of a number. If there are too many, only enough of them to show that it is too large."""
+    """The digits of a number.
+
+    If there are too many, only enough of them to show that it is too large.
+    """
     return text if len(text) <= 20 else "9" * 20
 
 
@@ -308,16 +355,19 @@ def write_tables() -> None:
 def parse_expression(
     start: str, text: str, time_unit: str = "s", read_aggregate: ReadAggregate | None = None
 ) -> Parsed:
-    """Read `text` as one of `STARTS`; durations become numbers in `time_unit`. Raises `ExpressionError`.
+    """Read `text` as one of `STARTS`; durations become numbers in `time_unit`. Raises
+    `ExpressionError`.
 
-    What stands inside an aggregate is ASP; it is unknown where nobody reads it. A short text is remembered: the domain
-    is read anew with each of its problems.
+    What stands inside an aggregate is ASP; it is unknown where nobody reads it. A short text is
+    remembered: the domain is read anew with each of its problems.
     """
     read = _remembered if len(text) <= SHORT_EXPRESSION_CHARACTERS else _parse_uncached
     return read(start, text, time_unit, read_aggregate)
 
 
-def _parse_uncached(start: str, text: str, time_unit: str, read_aggregate: ReadAggregate | None) -> Parsed:
+def _parse_uncached(
+    start: str, text: str, time_unit: str, read_aggregate: ReadAggregate | None
+) -> Parsed:
     plain = _parse_plain(start, text)
     if plain is not None:
         return Parsed(plain, _Places(start, text))
@@ -328,7 +378,11 @@ def _parse_plain(start: str, text: str) -> Any:
     """What the grammar makes of a plain text, in a tenth of its time; None for any other."""
     if start not in _OF_TERMS or (read := plain_terms(text)) is None:
         return None
-    if start != "terms" and start != "term" and not all(isinstance(term, Function) for term in read):
+    if (
+        start != "terms"
+        and start != "term"
+        and not all(isinstance(term, Function) for term in read)
+    ):
         return None
     return _OF_TERMS[start](read)
 
@@ -347,7 +401,10 @@ _OF_TERMS: Mapping[str, Callable[[tuple[Any, ...]], Any]] = {
 
 
 class _Places(Mapping[Function | Variable, int]):
-    """The places in a plain text. They are found when somebody asks, which happens when something is wrong."""
+    """The places in a plain text.
+
+    They are found when somebody asks, which happens when something is wrong.
+    """
 
     def __init__(self, start: str, text: str) -> None:
         self._start, self._text = start, text
@@ -366,7 +423,9 @@ class _Places(Mapping[Function | Variable, int]):
         return len(self._found)
 
 
-def _parse_by_grammar(start: str, text: str, time_unit: str, read_aggregate: ReadAggregate | None) -> Parsed:
+def _parse_by_grammar(
+    start: str, text: str, time_unit: str, read_aggregate: ReadAggregate | None
+) -> Parsed:
     """`parse` by the grammar."""
     check_size(text)
     check_brackets(text)

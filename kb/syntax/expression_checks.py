@@ -8,7 +8,10 @@ MAX_EXPRESSION_OPERATIONS = 100  # arithmetic signs in one expression
 
 
 class ExpressionError(Exception):
-    """The text is not an expression. `offset` is the first character that does not fit; `code` is the diagnostic code."""
+    """The text is not an expression.
+
+    `offset` is the first character that does not fit; `code` is the diagnostic code.
+    """
 
     def __init__(self, offset: int, message: str, hint: str = "", code: str = "K107") -> None:
         super().__init__(message)
@@ -38,7 +41,9 @@ _CLOSING_BRACKETS = {"(": ")", "{": "}", "[": "]"}
 
 
 def check_brackets(text: str) -> None:
-    """Raise `ExpressionError` for a bracket or quote without its partner, and for brackets nested too deep."""
+    """Raise `ExpressionError` for a bracket or quote without its partner, and for brackets
+    nested too deep.
+    """
     open_at: list[tuple[str, int]] = []
     for bracket in re.finditer(r'[](){}["]', without_texts(text)):
         character, offset = bracket[0], bracket.start()
@@ -47,7 +52,9 @@ def check_brackets(text: str) -> None:
         if character in _CLOSING_BRACKETS:
             open_at.append((_CLOSING_BRACKETS[character], offset))
         elif not open_at or open_at.pop()[0] != character:
-            raise ExpressionError(offset, f"'{character}' closes no open bracket", _SPLIT_HINT, "K106")
+            raise ExpressionError(
+                offset, f"'{character}' closes no open bracket", _SPLIT_HINT, "K106"
+            )
         if len(open_at) > MAX_EXPRESSION_NESTING:
             raise ExpressionError(
                 offset, f"nested deeper than {MAX_EXPRESSION_NESTING} brackets", _DEPTH_HINT, "K007"
@@ -57,4 +64,6 @@ def check_brackets(text: str) -> None:
 
 
 _DEPTH_HINT = "no term needs so many"
-_SPLIT_HINT = "write the whole expression as one string: YAML splits [a(X, Y)] at its comma and cuts at ' #'"
+_SPLIT_HINT = (
+    "write the whole expression as one string: YAML splits [a(X, Y)] at its comma and cuts at ' #'"
+)

@@ -1,7 +1,8 @@
 """The parser tables of the grammar, made ahead, because reading them is ten times as fast.
 
-They belong to one grammar and one version of the parser library. Where either is another one, the tables are made in memory.
-After a change of the grammar, `python -c "import cellwright.kb.syntax; cellwright.kb.syntax.write_tables()"` writes them anew.
+They belong to one grammar and one version of the parser library. Where either is another one, the
+tables are made in memory. After a change of the grammar, `python -c "import cellwright.kb.syntax;
+cellwright.kb.syntax.write_tables()"` writes them anew.
 """
 
 import hashlib

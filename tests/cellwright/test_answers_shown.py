@@ -1,4 +1,6 @@
-"""Answers show themselves: in a notebook as a picture and a text that cannot act, in JSON as the command line writes them."""
+"""Answers show themselves: in a notebook as a picture and a text that cannot act, in JSON as
+the command line writes them.
+"""
 
 import base64
 import importlib.util
@@ -57,7 +59,9 @@ def test_no_plan_is_an_answer_without_a_picture() -> None:
 
 
 def test_names_in_files_cannot_act_on_a_page_or_a_terminal() -> None:
-    told = cellwright.Told("<script>alert(1)</script>\x1b[2J", "<b>", lambda _: {}, lambda each: Text(each))
+    told = cellwright.Told(
+        "<script>alert(1)</script>\x1b[2J", "<b>", lambda _: {}, lambda each: Text(each)
+    )
     assert "<script" not in told._repr_html_()
     assert "\x1b" not in str(told)
     assert "<b>" not in told._repr_html_()
@@ -106,10 +110,17 @@ print(sorted(found))
 
 
 def test_a_notebook_shows_picture_and_text(tmp_path: Path) -> None:
-    """In a fresh interpreter, through IPython's own formatter if IPython is there, else by the methods that it calls."""
+    """In a fresh interpreter, through IPython's own formatter if IPython is there, else by the
+    methods that it calls.
+    """
     code = SHOWN
     if importlib.util.find_spec("IPython") is None:
-        stub = "class DisplayFormatter:\n    def format(self, each):\n        kinds = {'text/html': each._repr_html_(), 'image/svg+xml': each._repr_svg_(), 'text/plain': repr(each)}\n        return {kind: shown for kind, shown in kinds.items() if shown is not None}, {}\n"
+        stub = (
+            "class DisplayFormatter:\n    def format(self, each):\n        kinds = "
+            "{'text/html': each._repr_html_(), 'image/svg+xml': each._repr_svg_(), "
+            "'text/plain': repr(each)}\n        return {kind: shown for kind, shown in "
+            "kinds.items() if shown is not None}, {}\n"
+        )
         code = code.replace("from IPython.core.formatters import DisplayFormatter\n", stub)
     ran = subprocess.run(
         [sys.executable, "-c", code.replace("{top!r}", repr(str(TOP)))],

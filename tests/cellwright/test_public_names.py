@@ -1,4 +1,6 @@
-"""What `cellwright` promises: its names and parameters, that the page tells all of them, and that nothing is loaded too early."""
+"""What `cellwright` promises: its names and parameters, that the page tells all of them, and
+that nothing is loaded too early.
+"""
 
 import inspect
 import re
@@ -15,13 +17,17 @@ from tests.places import TOP
 
 PAGE = (TOP / "docs" / "api.md").read_text("utf-8")
 ROWS = re.findall(
-    r"^\| (`[^|]+) \| (`[^|]+|programs[^|]+) \|$", PAGE[PAGE.index("| command | function |") :], re.M
+    r"^\| (`[^|]+) \| (`[^|]+|programs[^|]+) \|$",
+    PAGE[PAGE.index("| command | function |") :],
+    re.M,
 )
 FUNCTIONS = {name for name in cellwright.__all__ if inspect.isfunction(getattr(cellwright, name))}
 
 
 def signature(name: str) -> str:
-    """A name with its parameters and defaults; of an answer what it has; of a value of the model only the name."""
+    """A name with its parameters and defaults; of an answer what it has; of a value of the
+    model only the name.
+    """
     found = getattr(cellwright, name)
     if inspect.isfunction(found):
         return f"{name}({', '.join(map(_parameter, inspect.signature(found).parameters.values()))})"
@@ -37,10 +43,16 @@ def _parameter(each: inspect.Parameter) -> str:
 
 def public(found: type) -> set[str]:
     """The attributes and methods of a class."""
-    return {each for each in {*dir(found), *getattr(found, "__dataclass_fields__", ())} if each[0] != "_"}
+    return {
+        each
+        for each in {*dir(found), *getattr(found, "__dataclass_fields__", ())}
+        if each[0] != "_"
+    }
 
 
-def test_names_and_parameters_are_those_that_were_accepted(golden: Callable[[str, str], None]) -> None:
+def test_names_and_parameters_are_those_that_were_accepted(
+    golden: Callable[[str, str], None],
+) -> None:
     golden("library.txt", "\n".join(map(signature, sorted(cellwright.__all__))) + "\n")
 
 

@@ -14,7 +14,10 @@ from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
 from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
 from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
-from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of, free_scene_of
+from cellwright.engine.stages.geometry.world.collision_scene import (
+    collision_scene_of,
+    free_scene_of,
+)
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader.arm_file import bundled_arms, load_arm
@@ -33,7 +36,9 @@ from cellwright.kb.model.body_shapes import (
 from cellwright.kb.model.cell_model import Body, BodyKind, Cell, MountedArm, Placement
 
 NAMES = [
-    pytest.param(name, marks=[] if name == "builtin" or importlib.util.find_spec(name) else pytest.mark.skip)
+    pytest.param(
+        name, marks=[] if name == "builtin" or importlib.util.find_spec(name) else pytest.mark.skip
+    )
     for name in plugins.registered_names(plugins.GEOMETRY_GROUP)
 ]
 AGREE_M = 1e-5  # what the least exact backend promises
@@ -54,10 +59,16 @@ class RegionTrees:
 
 @pytest.fixture(params=[*NAMES, RegionTrees.name])
 def backend(request: pytest.FixtureRequest) -> GeometryBackend:
-    return RegionTrees() if request.param == RegionTrees.name else plugins.geometry_backend(request.param)
+    return (
+        RegionTrees()
+        if request.param == RegionTrees.name
+        else plugins.geometry_backend(request.param)
+    )
 
 
-def body(name: str, shape: Shape, at: tuple[float, float, float], kind: BodyKind = BodyKind.FIXTURE) -> Body:
+def body(
+    name: str, shape: Shape, at: tuple[float, float, float], kind: BodyKind = BodyKind.FIXTURE
+) -> Body:
     return Body(name, kind, Placement("world", Pose(at, (0.3, -0.2, 0.5))), (PlacedShape(shape),))
 
 
@@ -95,7 +106,8 @@ def plain_distances(scene: CollisionScene, poses: Floats) -> dict[frozenset[str]
     for i, j in scene.pairs:
         a, b = scene.pieces[i], scene.pieces[j]
         placed = [
-            transforms.apply(poses[each.carrier] @ each.T_carrier_piece, each.vertices) for each in (a, b)
+            transforms.apply(poses[each.carrier] @ each.T_carrier_piece, each.vertices)
+            for each in (a, b)
         ]
         distance = math.inf
         if not far_apart(*placed):
@@ -106,7 +118,9 @@ def plain_distances(scene: CollisionScene, poses: Floats) -> dict[frozenset[str]
 
 
 def far_apart(first: Floats, second: Floats, by: float = 0.5) -> bool:
-    """Whether their boxes along the world's axes are: then the plain reference need not be asked."""
+    """Whether their boxes along the world's axes are: then the plain reference need not be
+    asked.
+    """
     gap = np.maximum(first.min(axis=0) - second.max(axis=0), second.min(axis=0) - first.max(axis=0))
     return bool(gap.max() > by)
 
@@ -121,7 +135,9 @@ def test_distances_and_depths_are_those_of_the_plain_reference(
     checker = backend.checker(scene)
     for q in configurations(scene, 3):
         plain = plain_distances(scene, carrier_poses(scene.joints, q))
-        told = {frozenset((c.first, c.second)): c.distance_m for c in checker.contacts(q, within_m=0.2)}
+        told = {
+            frozenset((c.first, c.second)): c.distance_m for c in checker.contacts(q, within_m=0.2)
+        }
         assert told.keys() == {pair for pair, distance in plain.items() if distance <= 0.2}
         for pair, distance in told.items():
             if distance > 0 or backend.exact_depths:
@@ -130,7 +146,9 @@ def test_distances_and_depths_are_those_of_the_plain_reference(
                 assert plain[pair] < AGREE_M, pair
 
 
-def test_collision_is_a_distance_of_nothing_or_less(backend: GeometryBackend, scene: CollisionScene) -> None:
+def test_collision_is_a_distance_of_nothing_or_less(
+    backend: GeometryBackend, scene: CollisionScene
+) -> None:
     checker, q = backend.checker(scene), configurations(scene, 200)
     clearance = checker.clearance(q, beyond_m=0.05)
     clear = np.abs(clearance) > AGREE_M
@@ -166,11 +184,15 @@ def test_witness_points_are_apart_by_the_distance_along_the_normal(
             assert contact.depth_m == max(0.0, -contact.distance_m)
 
 
-def test_a_batch_answers_as_single_configurations_do(backend: GeometryBackend, scene: CollisionScene) -> None:
+def test_a_batch_answers_as_single_configurations_do(
+    backend: GeometryBackend, scene: CollisionScene
+) -> None:
     checker, q = backend.checker(scene), configurations(scene, 50)
     alone = [checker.collides(each[None])[0] for each in q]
     assert checker.collides(q).tolist() == alone
-    assert np.allclose(checker.clearance(q), [checker.clearance(each[None])[0] for each in q], atol=AGREE_M)
+    assert np.allclose(
+        checker.clearance(q), [checker.clearance(each[None])[0] for each in q], atol=AGREE_M
+    )
 
 
 @pytest.mark.parametrize("entry", [np.nan, np.inf, -np.inf])
@@ -194,7 +216,9 @@ def test_what_is_no_number_counts_as_a_collision(
     assert backend.checker(free).collides(pose).tolist() == [True]
 
 
-def test_arrays_of_another_width_are_refused(backend: GeometryBackend, scene: CollisionScene) -> None:
+def test_arrays_of_another_width_are_refused(
+    backend: GeometryBackend, scene: CollisionScene
+) -> None:
     for checked, shape in (
         (scene, (2, 5)),
         (scene, (2, 7)),
@@ -209,7 +233,9 @@ def test_arrays_of_another_width_are_refused(backend: GeometryBackend, scene: Co
             checker.contacts(np.zeros(shape[1:]))
 
 
-def test_an_empty_batch_has_an_empty_answer(backend: GeometryBackend, scene: CollisionScene) -> None:
+def test_an_empty_batch_has_an_empty_answer(
+    backend: GeometryBackend, scene: CollisionScene
+) -> None:
     checker = backend.checker(scene)
     assert checker.collides(np.zeros((0, 6))).shape == (0,)
     assert checker.clearance(np.zeros((0, 6))).shape == (0,)
@@ -225,7 +251,9 @@ def test_a_body_flies_free(backend: GeometryBackend) -> None:
     plain = plain_distances(scene, np.stack([np.eye(4), poses[1]]))
     assert plain[frozenset({"tool", "table"})] < 0
     if backend.exact_depths:
-        assert math.isclose(deepest.distance_m, plain[frozenset({"tool", "table"})], abs_tol=AGREE_M)
+        assert math.isclose(
+            deepest.distance_m, plain[frozenset({"tool", "table"})], abs_tol=AGREE_M
+        )
 
 
 def test_what_is_affixed_collides_where_it_is_carried(backend: GeometryBackend) -> None:

@@ -1,4 +1,6 @@
-"""What scanners see, by rays that MuJoCo casts in the whole cell: whatever is kept is seen, and what is refused is hidden."""
+"""What scanners see, by rays that MuJoCo casts in the whole cell: whatever is kept is seen, and
+what is refused is hidden.
+"""
 
 from dataclasses import replace
 
@@ -28,12 +30,18 @@ LIFTED_M = 0.002
 
 
 def with_posts(cell: Cell, rng: np.random.Generator) -> Cell:
-    """The cell with posts that stand off the web around the points of the scanner, and a screen before one of them."""
+    """The cell with posts that stand off the web around the points of the scanner, and a screen
+    before one of them.
+    """
     shapes = tuple(
         PlacedShape(
             Box(tuple(rng.uniform(0.02, 0.06, 3))),
             Pose(
-                (x + rng.uniform(-0.12, 0.12), y + rng.uniform(-0.12, 0.12), rng.uniform(-0.2, -0.05)),
+                (
+                    x + rng.uniform(-0.12, 0.12),
+                    y + rng.uniform(-0.12, 0.12),
+                    rng.uniform(-0.2, -0.05),
+                ),
                 tuple(rng.uniform(-1, 1, 3)),
             ),
         )
@@ -46,7 +54,9 @@ def with_posts(cell: Cell, rng: np.random.Generator) -> Cell:
 
 
 def hit(world: GeometricWorld, q: Floats, eyes: Floats, ends: Floats) -> set[str]:
-    """The bodies, without the arm and its tool, that rays from eyes (e, 3) to ends (n, 3) meet, by MuJoCo."""
+    """The bodies, without the arm and its tool, that rays from eyes (e, 3) to ends (n, 3) meet,
+    by MuJoCo.
+    """
     checker = MujocoChecker(collision_scene_of(world.moved("t3_746", q)))
     model, data = checker._model, checker._state
     data.qpos[:] = q
@@ -73,7 +83,9 @@ def hit(world: GeometricWorld, q: Floats, eyes: Floats, ends: Floats) -> set[str
 def looking(
     world: GeometricWorld, q: Floats, point: tuple[float, float], side: float
 ) -> tuple[Floats, Floats]:
-    """The eyes (2, 3) at a configuration, and points (25, 3) of the patch, by plain geometry of the file's numbers."""
+    """The eyes (2, 3) at a configuration, and points (25, 3) of the patch, by plain geometry of
+    the file's numbers.
+    """
     T = world.moved("t3_746", q).pose("world", "slra")
     eyes = np.array([(-0.05, 0.06, 0.39), (0.06, -0.06, 0.39)])
     surface = world.pose("world", "bulkhead")
@@ -89,7 +101,9 @@ def looking(
 @pytest.mark.parametrize("seed", [0, 1])
 def test_rays_of_mujoco_confirm_what_is_seen_and_what_is_not(seed: int) -> None:
     cell = with_posts(cell_of(PROBLEM), np.random.default_rng(seed))
-    blind = replace(cell, measuring={**cell.measuring, "slra": replace(cell.measuring["slra"], sight=None)})
+    blind = replace(
+        cell, measuring={**cell.measuring, "slra": replace(cell.measuring["slra"], sight=None)}
+    )
     sighted, all_poses = (
         known_poses(problem_of(PROBLEM), each, geometry_backend()) for each in (cell, blind)
     )
@@ -102,10 +116,14 @@ def test_rays_of_mujoco_confirm_what_is_seen_and_what_is_not(seed: int) -> None:
         for way in kept.straight:
             assert kept.patch is not None
             assert (
-                hit(world, way[0], *looking(world, way[0], LASER_POINTS[name], kept.patch.size_m[0])) == set()
+                hit(
+                    world, way[0], *looking(world, way[0], LASER_POINTS[name], kept.patch.size_m[0])
+                )
+                == set()
             )
         met = [
-            hit(world, way[0], *looking(world, way[0], LASER_POINTS[name], 0.02)) for way in poses.straight
+            hit(world, way[0], *looking(world, way[0], LASER_POINTS[name], 0.02))
+            for way in poses.straight
         ]
         if not kept.reached and poses.reached:
             assert all(met)

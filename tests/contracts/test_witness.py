@@ -1,4 +1,6 @@
-"""The witness and the driver `mujoco`: plans that move are confirmed by physics, and what physics hinders is found and mended."""
+"""The witness and the driver `mujoco`: plans that move are confirmed by physics, and what
+physics hinders is found and mended.
+"""
 
 import math
 from pathlib import Path
@@ -14,7 +16,10 @@ from cellwright.engine.pipelines.planning import plan_objective
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.simulators import HiddenCell
-from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_driver import PhysicalCell, mujoco_simulator
+from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_driver import (
+    PhysicalCell,
+    mujoco_simulator,
+)
 from cellwright.engine.pipelines.simulators.mujoco_replay.program_replay import replay_program
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.ports import DriverSetup
@@ -37,7 +42,9 @@ def test_physics_confirms_a_plan_with_one_probe() -> None:
         lambda each: plan_objective.plan_for_objective(each, SearchLimits()),
     ).moving
     assert isinstance(made.run.outcome, Found)
-    seen = replay_program(PlanGate().semantics(made.problem), cell, made.run.outcome.plan, made.steps)
+    seen = replay_program(
+        PlanGate().semantics(made.problem), cell, made.run.outcome.plan, made.steps
+    )
     assert seen.touched == ()
     assert max(seen.off_m.values()) < 0.005
     assert seen.off_place < 0.005
@@ -53,7 +60,9 @@ def test_physics_confirms_an_inspection_with_both_tools_from_three_stations() ->
         lambda each: plan_objective.plan_for_objective(each, SearchLimits()),
     ).moving
     assert isinstance(made.run.outcome, Found)
-    seen = replay_program(PlanGate().semantics(made.problem), cell, made.run.outcome.plan, made.steps)
+    seen = replay_program(
+        PlanGate().semantics(made.problem), cell, made.run.outcome.plan, made.steps
+    )
     assert seen.touched == ()
     assert seen.off_tip_m < 0.002
     assert seen.off_place < 0.002
@@ -124,7 +133,8 @@ def test_a_part_that_slips_out_of_the_hand_is_not_gripped() -> None:
 def test_an_arm_that_touches_what_nobody_knows_of_goes_back_and_then_around(tmp_path: Path) -> None:
     file = tmp_path / "crate.yaml"
     file.write_text(
-        "cell: surprise\nfixtures:\n  crate: {at: [0.62, -0.1, 1.0], shapes: [{box: [0.08, 0.08, 0.5]}]}\n"
+        "cell: surprise\nfixtures:\n  crate: {at: [0.62, -0.1, 1.0], shapes: [{box: [0.08, "
+        "0.08, 0.5]}]}\n"
     )
     cell = cell_with(obstacles=str(file))
     assert isinstance(cell.body, PhysicalCell)
@@ -133,7 +143,9 @@ def test_an_arm_that_touches_what_nobody_knows_of_goes_back_and_then_around(tmp_
     before = stage.actual(world).configuration
     assert cell.take("turn_bayonet(locked, unlocked)", "done") == "obstructed"
     assert cell.told() == {
-        "seen": {"crate": {"at": [0.62, -0.1, 1.0], "rpy": [0.0, 0.0, 0.0], "box": [0.08, 0.08, 0.5]}}
+        "seen": {
+            "crate": {"at": [0.62, -0.1, 1.0], "rpy": [0.0, 0.0, 0.0], "box": [0.08, 0.08, 0.5]}
+        }
     }
     assert abs(stage.actual(world).configuration - before).max() < 0.01
     assert "position(bayonet, locked)" in set(map(str, cell.world.facts))
@@ -189,7 +201,11 @@ def test_options_that_the_cell_does_not_know_are_refused(options: dict[str, str]
 @pytest.mark.slow
 def test_an_arm_that_rests_in_the_way_of_another_goes_home_first() -> None:
     cell = cell_with("dual/crossing")
-    steps = ("pick(left, rod_2, middle_2)", "pick(right, rod_1, middle_1)", "put(left, rod_2, tray_1)")
+    steps = (
+        "pick(left, rod_2, middle_2)",
+        "pick(right, rod_1, middle_1)",
+        "put(left, rod_2, tray_1)",
+    )
     assert [cell.take(step, "done") for step in steps] == ["done"] * 3
     body = cell.body
     assert isinstance(body, PhysicalCell)

@@ -1,4 +1,6 @@
-"""The witness's model of a cell: it can be read by the physics engine, and everything stays where it stands."""
+"""The witness's model of a cell: it can be read by the physics engine, and everything stays
+where it stands.
+"""
 
 import xml.etree.ElementTree as ET
 
@@ -44,7 +46,9 @@ def test_parts_stay_where_they_stand(world: GeometricWorld) -> None:
     for name, body in world.cell.bodies.items():
         if body.kind.value == "part":
             data.joint(name).qpos[:3] = world.pose("world", name)[:3, 3]
-    for joint, value in zip(world.cell.arms["manutec_r3"].arm.joints, world.configuration, strict=True):
+    for joint, value in zip(
+        world.cell.arms["manutec_r3"].arm.joints, world.configuration, strict=True
+    ):
         data.joint(f"manutec_r3/{joint.name}").qpos[0] = value
         data.actuator(f"manutec_r3/{joint.name}").ctrl[0] = value
     for _ in range(SETTLING):

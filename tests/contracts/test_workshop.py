@@ -1,4 +1,6 @@
-"""Assemblies and single parts, carried out in MuJoCo (the extra `mujoco`): what is planned comes true, and faults are met."""
+"""Assemblies and single parts, carried out in MuJoCo (the extra `mujoco`): what is planned
+comes true, and faults are met.
+"""
 
 from dataclasses import replace
 
@@ -104,7 +106,10 @@ def test_a_part_that_was_taken_away_is_told_missing_and_the_rest_is_built(two: B
 def test_a_second_look_from_near_by_is_taken_where_the_tolerance_asks_for_it(two: Built) -> None:
     """The tolerance lies between what the first look and a nearer one allow."""
     from cellwright.engine.pipelines.manipulation.assembly_execution import PlacingCell
-    from cellwright.engine.pipelines.manipulation.pose_uncertainty import brought_covariance, within_m
+    from cellwright.engine.pipelines.manipulation.pose_uncertainty import (
+        brought_covariance,
+        within_m,
+    )
 
     assert PlacingCell
     yard = two.yard
@@ -133,7 +138,9 @@ def test_a_camera_that_was_knocked_is_found_out_and_calibrated_by_the_arm_itself
     assert isinstance(made, Built)
     done = running.executed(made, DOMAIN, knock=knock)
     assert done.runs[-1].outcome == "reached"
-    assert any("camera_moved; calibrate_the_camera" in each for run in done.runs for each in run.story)
+    assert any(
+        "camera_moved; calibrate_the_camera" in each for run in done.runs for each in run.story
+    )
     assert all(metres < NEAR_M for metres, _ in done.off.values())
 
 
@@ -161,11 +168,15 @@ def test_a_round_peg_whose_hole_is_a_millimetre_beside_goes_in_when_it_is_tilted
     straight = replace(carry, insertion=replace(carry.insertion, search=HoleSearch.NONE))
 
     def goes_in(tried: Carry, direction: int) -> bool:
-        angle, block = np.pi * direction / 4, GeometricWorld.of(scene.cell).pose("world", "block").copy()
+        angle, block = (
+            np.pi * direction / 4,
+            GeometricWorld.of(scene.cell).pose("world", "block").copy(),
+        )
         block[:2, 3] += 0.00114 * np.cos(angle), 0.00114 * np.sin(angle)
         moved = running.Workshop(scene, {"block": block})
         return (
-            running.carried(scene, "peg", replace(found, carries=(tried,)), moved).went is running.Went.DONE
+            running.carried(scene, "peg", replace(found, carries=(tried,)), moved).went
+            is running.Went.DONE
         )
 
     assert all(goes_in(carry, each) for each in range(8))
@@ -173,7 +184,9 @@ def test_a_round_peg_whose_hole_is_a_millimetre_beside_goes_in_when_it_is_tilted
 
 
 def test_a_body_of_several_blocks_weighs_where_its_volume_is() -> None:
-    """An angle stands on its toe with four millimetres to spare; with its mass shared out evenly it would tip over."""
+    """An angle stands on its toe with four millimetres to spare; with its mass shared out
+    evenly it would tip over.
+    """
     shop = running.Workshop(SCENE)
     body = shop.stage.model.body("angle")
     volume, centre = volume_and_centre(solid_of(SCENE.cell.bodies["angle"]))

@@ -1,8 +1,10 @@
-"""What pages show: files that a reader writes, command lines, what they print, and pictures that they make.
+"""What pages show: files that a reader writes, command lines, what they print, and pictures that
+they make.
 
-A page may tell a story: its files and command lines are gone through in order, in one folder. A fenced block that begins with a
-comment `# path` is a file; with `# path, in addition`, lines at the end of one. A fenced block right below a command line is what it
-prints; a line `...` in it stands for any number of lines. `cellwright ... > file` writes what it prints into a file.
+A page may tell a story: its files and command lines are gone through in order, in one folder. A
+fenced block that begins with a comment `# path` is a file; with `# path, in addition`, lines at the
+end of one. A fenced block right below a command line is what it prints; a line `...` in it stands
+for any number of lines. `cellwright ... > file` writes what it prints into a file.
 """
 
 import os
@@ -58,7 +60,9 @@ def parts(page: str) -> Iterator[Written | Run]:
 
 
 def run(line: str) -> Result:
-    """Runs a command line in this process, 120 columns wide, with the runs that it keeps in the folder where it is."""
+    """Runs a command line in this process, 120 columns wide, with the runs that it keeps in the
+    folder where it is.
+    """
     words, _, file = line.partition(" > ")
     result = CliRunner().invoke(
         app, shlex.split(words)[1:], env={"COLUMNS": "120", "XDG_STATE_HOME": "state"}
@@ -75,12 +79,16 @@ def printed(result: Result) -> str:
 
 def fits(shown: str, text: str) -> bool:
     """Whether a text is what is shown, where `...` stands for any lines."""
-    pattern = "".join("(?:.*\n)*?" if line == GAP else re.escape(f"{line}\n") for line in shown.splitlines())
+    pattern = "".join(
+        "(?:.*\n)*?" if line == GAP else re.escape(f"{line}\n") for line in shown.splitlines()
+    )
     return re.fullmatch(pattern, text) is not None
 
 
 def renewed(shown: str, text: str) -> str:
-    """What is to be shown of a text: all of it, or as many lines before and behind a gap as were shown before."""
+    """What is to be shown of a text: all of it, or as many lines before and behind a gap as
+    were shown before.
+    """
     lines, new = shown.splitlines(), text.splitlines()
     if fits(shown, text) or lines.count(GAP) > 1:
         return shown
@@ -92,12 +100,18 @@ def renewed(shown: str, text: str) -> str:
 
 
 def assert_shown(path: Path, results: Mapping[Run, Result], update: bool) -> None:
-    """Each command has printed what the page shows; or, to be updated, the page shows it from now on."""
+    """Each command has printed what the page shows; or, to be updated, the page shows it from
+    now on.
+    """
     if update and not os.environ.get("CI"):
-        write(path, ((each, renewed(each.shown or "", printed(ran))) for each, ran in results.items()))
+        write(
+            path, ((each, renewed(each.shown or "", printed(ran))) for each, ran in results.items())
+        )
     lines = {each.line for each in results}
     now = [
-        each for each in parts(path.read_text("utf-8")) if isinstance(each, Run) and each.shown is not None
+        each
+        for each in parts(path.read_text("utf-8"))
+        if isinstance(each, Run) and each.shown is not None
     ]
     texts = [printed(ran) for each, ran in results.items() if each.shown is not None]
     for each, text in zip((each for each in now if each.line in lines), texts, strict=True):

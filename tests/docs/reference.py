@@ -1,4 +1,7 @@
-"""The reference of all files as a page, made of their schemas. `pytest tests/docs/test_reference_page.py --update-golden` writes it."""
+"""The reference of all files as a page, made of their schemas.
+
+`pytest tests/docs/test_reference_page.py --update-golden` writes it.
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -25,8 +28,16 @@ FILES = {
     "arm": ("an arm of your own", "The joints and shapes of an arm.", "geometry.md"),
     "contacts": ("contacts.yaml", "Which objects can touch where.", "task-space.md"),
     "scene": ("scene.yaml", "A camera, parts, and where they belong.", "placing.md"),
-    "plan": ("a plan in JSON", "What `--format json` writes, and `validate` reads.", "plan-format.md"),
-    "events": ("the events of a run", "What `run --events` writes, one object a line.", "execution.md"),
+    "plan": (
+        "a plan in JSON",
+        "What `--format json` writes, and `validate` reads.",
+        "plan-format.md",
+    ),
+    "events": (
+        "the events of a run",
+        "What `run --events` writes, one object a line.",
+        "execution.md",
+    ),
 }
 HEAD = """# Reference of all files
 
@@ -53,14 +64,18 @@ def _section(kind: str, told: dict[str, Part]) -> Iterator[str]:
     for each in definitions:
         if definitions[each].get("properties") and told.get(each) != definitions[each]:
             told[each] = definitions[each]
-            yield f"\n### {name}: {_title(each)}\n\n{_sentence(definitions[each].get('description', ''))}\n"
+            yield (
+                f"\n### {name}: "
+                f"{_title(each)}\n\n{_sentence(definitions[each].get('description', ''))}\n"
+            )
             yield _table(definitions[each], definitions)
 
 
 def _table(part: Part, definitions: Part) -> str:
     needed = set(part.get("required", ()))
     rows = [
-        f"| `{key}`{'*' if key in needed else ''} | {_kind(value, definitions)} | {_meaning(value)} |"
+        f"| `{key}`{'*' if key in needed else ''} | {_kind(value, definitions)} | "
+        f"{_meaning(value)} |"
         for key, value in part["properties"].items()
     ]
     return "\n".join(["\n| key | value | meaning |", "| --- | --- | --- |", *rows, ""])
@@ -85,7 +100,9 @@ def _kind(value: Part, definitions: Part) -> str:
         return _title(name) if target.get("properties") else _kind(target, definitions)
     for several in ("anyOf", "oneOf"):
         if several in value:
-            kinds = [_kind(each, definitions) for each in value[several] if each.get("type") != "null"]
+            kinds = [
+                _kind(each, definitions) for each in value[several] if each.get("type") != "null"
+            ]
             return " or ".join(dict.fromkeys(kinds))
     if "const" in value:
         return f"`{value['const']}`"
@@ -100,7 +117,11 @@ def _plain(value: Part, definitions: Part) -> str:
             return f"list of {_kind(value['items'], definitions)}" if value.get("items") else "list"
         case "object":
             inner = value.get("additionalProperties")
-            return f"by name: {_kind(inner, definitions)}" if isinstance(inner, dict) else "keys and values"
+            return (
+                f"by name: {_kind(inner, definitions)}"
+                if isinstance(inner, dict)
+                else "keys and values"
+            )
         case "string":
             return "text"
         case "integer":
@@ -123,5 +144,7 @@ def _sentence(text: str) -> str:
 
 
 def _cell(text: str) -> str:
-    """A text as a cell of a table: one line, nothing in it that Markdown reads as a column or as HTML."""
+    """A text as a cell of a table: one line, nothing in it that Markdown reads as a column or
+    as HTML.
+    """
     return " ".join(text.split()).replace("|", "\\|").replace("<", "\\<")

@@ -9,7 +9,8 @@ PAGE = (Path(__file__).parents[2] / "docs" / "api.md").read_text()
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)
 
 
-LONG = ("explain(", ".diagnose(", ".run(", ".cell(", ".place(", ".prepare(", ".init(")  # each takes seconds
+# each takes seconds
+LONG = ("explain(", ".diagnose(", ".run(", ".cell(", ".place(", ".prepare(", ".init(")
 
 
 @pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.slow)])

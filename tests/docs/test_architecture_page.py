@@ -6,7 +6,9 @@ import tomllib
 from tests.places import TOP
 
 PAGE = (TOP / "docs" / "architecture.md").read_text("utf-8")
-CONTRACTS = tomllib.loads((TOP / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
+CONTRACTS = tomllib.loads((TOP / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"][
+    "contracts"
+]
 ROW = re.compile(r"^\|([^|]*)\|([^|]*)\|([^|]+)\|$", re.MULTILINE)
 FLOOR = re.compile(r"`(cellwright\.(?:engine|kb)\.\w+)`")
 
@@ -20,7 +22,11 @@ def layers(container: str) -> list[list[str]]:
 def floors() -> dict[str, list[str]]:
     """The floors of the engine on the page, each with its rooms."""
     rows = ROW.findall(PAGE)
-    return {name[0]: rooms.strip().split(", ") for floor, rooms, _ in rows if (name := FLOOR.findall(floor))}
+    return {
+        name[0]: rooms.strip().split(", ")
+        for floor, rooms, _ in rows
+        if (name := FLOOR.findall(floor))
+    }
 
 
 def test_the_floors_of_the_engine_stand_in_the_order_of_the_contract() -> None:
@@ -64,7 +70,9 @@ def test_what_the_page_names_is_there() -> None:
         inside = path.parent.with_suffix(".py")
         there = path.is_dir() or path.with_suffix(".py").is_file()
         assert there or re.search(
-            rf"^(?:(?:class|def) {path.name}\b|{path.name} = )", inside.read_text("utf-8"), re.MULTILINE
+            rf"^(?:(?:class|def) {path.name}\b|{path.name} = )",
+            inside.read_text("utf-8"),
+            re.MULTILINE,
         ), name
     for name in folders:
         assert (TOP / name).exists(), name

@@ -34,5 +34,8 @@ def test_a_code_is_explained(code: str) -> None:
 def test_the_example_of_a_code_is_what_is_printed(code: str) -> None:
     example = re.search(r"```text\n(.*?)```", section(code), re.DOTALL)
     assert example
-    printed = {file.read_text("utf-8").replace(f"{file.stem}/", "") for file in PRINTED.glob(f"{code}_*.txt")}
+    printed = {
+        file.read_text("utf-8").replace(f"{file.stem}/", "")
+        for file in PRINTED.glob(f"{code}_*.txt")
+    }
     assert example[1] in printed

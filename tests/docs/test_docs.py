@@ -1,4 +1,6 @@
-"""What README and docs say of the command line is so: verbs, options, exit codes, command lines and what they print."""
+"""What README and docs say of the command line is so: verbs, options, exit codes, command lines
+and what they print.
+"""
 
 import contextlib
 import math
@@ -25,7 +27,10 @@ from cellwright.kb.model.measured_results import Measured, Results
 from tests.docs.pages import PATHS, Run, assert_shown, parts, run
 
 TOP = Path(__file__).parents[2]
-PAGES = {file.name: file.read_text("utf-8") for file in [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]}
+PAGES = {
+    file.name: file.read_text("utf-8")
+    for file in [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]
+}
 COMMANDS = PAGES["command-line.md"]
 FIRST_PAGES = ("README.md", "first-steps.md", "command-line.md")
 FIRST = "\n".join(PAGES[name] for name in FIRST_PAGES)
@@ -36,7 +41,9 @@ VERBS = CELLWRIGHT.commands  # type: ignore[attr-defined]
 DOMAIN = """(define (domain shelf) (:predicates (at ?x) (on ?x))
   (:action lift :parameters (?x) :precondition (at ?x) :effect (and (on ?x) (not (at ?x)))))
 """
-PROBLEM = "(define (problem one) (:domain shelf) (:objects box) (:init (at box)) (:goal (on box)))\n"
+PROBLEM = (
+    "(define (problem one) (:domain shelf) (:objects box) (:init (at box)) (:goal (on box)))\n"
+)
 POINTS = "name,x,y,z,nx,ny,nz\na,0,0,0,0,0,1\nb,9,0,0,0,0,1\n"
 PART = """<QIFDocument><Features><FeatureDefinitions><PlaneFeatureDefinition id="1"/></FeatureDefinitions><FeatureNominals>
 <PlaneFeatureNominal id="2"><FeatureDefinitionId>1</FeatureDefinitionId><Normal>0 0 1</Normal>
@@ -90,7 +97,9 @@ LONG = (
 
 
 def written(pages: Iterable[str]) -> list[str]:
-    """Every command line of pages: indented, or between backquotes; a quoted text may go on in the next line."""
+    """Every command line of pages: indented, or between backquotes; a quoted text may go on in
+    the next line.
+    """
     found: dict[str, None] = {}
     for page in pages:
         indented = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)$', page, re.MULTILINE)
@@ -99,7 +108,8 @@ def written(pages: Iterable[str]) -> list[str]:
         )
         found |= dict.fromkeys(" ".join(each.split()) for each in [*indented, *inline])
     serving = ("cellwright monitor", "cellwright lsp")  # they serve until they are ended
-    installing = ("cellwright --install-completion",)  # it writes into the home of whoever runs the tests
+    # it writes into the home of whoever runs the tests
+    installing = ("cellwright --install-completion",)
     return [line for line in found if not line.startswith(serving + installing)]
 
 
@@ -126,26 +136,40 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         run("cellwright macros list --store STORE")
         run("cellwright import qif part.qif --output inspection.yaml")
         run(f"cellwright export pddl {PLACEHOLDERS['TARGET']} --output exported")
-        planned = run("cellwright plan --pddl exported/domain.pddl exported/problem.pddl --format ipc")
+        planned = run(
+            "cellwright plan --pddl exported/domain.pddl exported/problem.pddl --format ipc"
+        )
         Path("exported.ipc").write_text(planned.stdout)
-        Path("plan.json").write_text(run(f"cellwright plan {PLACEHOLDERS['TARGET']} --format json").stdout)
+        Path("plan.json").write_text(
+            run(f"cellwright plan {PLACEHOLDERS['TARGET']} --format json").stdout
+        )
     return folder
 
 
 def measure(folder: Path) -> None:
-    """Clouds of points of a bore and of two planes, and a block that was measured on three sides and lies where it should."""
+    """Clouds of points of a bore and of two planes, and a block that was measured on three
+    sides and lies where it should.
+    """
     turns = [(0.02 * math.cos(n), 0.02 * math.sin(n), 0.0005 * n) for n in range(60)]
     flat = [(0.001 * (n % 8), 0.001 * (n // 8)) for n in range(64)]
-    clouds = {"bore": turns, "lower": [(*p, 0.0) for p in flat], "upper": [(*p, 0.004) for p in flat]}
+    clouds = {
+        "bore": turns,
+        "lower": [(*p, 0.0) for p in flat],
+        "upper": [(*p, 0.004) for p in flat],
+    }
     for name, points in clouds.items():
         rows = ["x,y,z", *(f"{x:.6f},{y:.6f},{z:.6f}" for x, y, z in points)]
         (folder / f"{name}.csv").write_text("\n".join(rows))
     block = ["name,x,y,z,nx,ny,nz"]
     for n in range(12):
         place = (97 * n % 50, 31 * n % 50, 71 * n % 50)
-        block.append(f"m{n},{place[0]},{place[1]},{place[2]},{n % 3 == 0:d},{n % 3 == 1:d},{n % 3 == 2:d}")
+        block.append(
+            f"m{n},{place[0]},{place[1]},{place[2]},{n % 3 == 0:d},{n % 3 == 1:d},{n % 3 == 2:d}"
+        )
     (folder / "block.csv").write_text("\n".join(block))
-    measured = Results("block", "", tuple(Measured(f"m{n}", "profile", 0.0, "um") for n in range(12)))
+    measured = Results(
+        "block", "", tuple(Measured(f"m{n}", "profile", 0.0, "um") for n in range(12))
+    )
     tool = Ranging("laser", 240, 240, 0.6, 0.3, 5e-5, 0.5, 0.0024)
     write_ranges(folder / "image.npz", of_depths(np.full((240, 240), 0.5), tool))
     (folder / "results.csv").write_text(written_results(measured, ResultForm.CSV))
@@ -174,7 +198,11 @@ def filled(line: str) -> str:
 
 
 def timed(line: str) -> object:
-    """A command line to run. Quick are those of the first pages that do little: no long plan, no assembly, no arm in every step."""
+    """A command line to run.
+
+    Quick are those of the first pages that do little: no long plan, no assembly, no arm in every
+    step.
+    """
     slow = line not in QUICK or any(part in line for part in LONG)
     return pytest.param(line, marks=pytest.mark.slow) if slow else line
 
@@ -196,8 +224,11 @@ SHOWN = {part.line for _, part in EXAMPLES}  # these are run where what they pri
 @pytest.mark.usefixtures("desk")
 def test_a_command_line_runs(line: str) -> None:
     result = run(filled(line))
-    if " RUN" in line or " resume " in line:  # about a run that goes on, or has gone on, somewhere else
-        assert (result.exit_code, "K421" in result.output) == (exit_codes.BAD_INPUT, True), result.output
+    # about a run that goes on, or has gone on, somewhere else
+    if " RUN" in line or " resume " in line:
+        assert (result.exit_code, "K421" in result.output) == (exit_codes.BAD_INPUT, True), (
+            result.output
+        )
     else:
         assert result.exit_code in ANSWERS, result.output
 
@@ -236,12 +267,16 @@ def test_every_exit_code_is_in_the_table_and_no_other() -> None:
 def of_a_kind(name: str, part: Run) -> object:
     """An example; a long search for a reason is slow, and so are the other pages."""
     slow = " explain " in part.line or name not in FIRST_PAGES
-    return pytest.param(name, part, marks=[pytest.mark.slow] if slow else [], id=f"{name}: {part.line}")
+    return pytest.param(
+        name, part, marks=[pytest.mark.slow] if slow else [], id=f"{name}: {part.line}"
+    )
 
 
 @pytest.mark.parametrize(("name", "part"), [of_a_kind(*each) for each in EXAMPLES])
 @pytest.mark.usefixtures("desk")
-def test_what_a_page_shows_is_what_is_printed(name: str, part: Run, request: pytest.FixtureRequest) -> None:
+def test_what_a_page_shows_is_what_is_printed(
+    name: str, part: Run, request: pytest.FixtureRequest
+) -> None:
     path = next(each for each in PATHS if each.name == name)
     assert_shown(path, {part: run(filled(part.line))}, request.config.getoption("--update-golden"))
 
@@ -260,7 +295,11 @@ def test_a_picture_is_what_its_command_draws(line: str, request: pytest.FixtureR
 
 def test_every_picture_is_shown_where_its_command_stands() -> None:
     pages = {name: page for name, page in PAGES.items() if name not in STORIES}
-    shown = {file for page in pages.values() for file in re.findall(r"!\[[^\]]*\]\((pictures/[^)]+)\)", page)}
+    shown = {
+        file
+        for page in pages.values()
+        for file in re.findall(r"!\[[^\]]*\]\((pictures/[^)]+)\)", page)
+    }
     assert shown == {line.partition(" > ")[2] for line in PICTURES}
     assert {f"pictures/{file.name}" for file in (TOP / "docs" / "pictures").iterdir()} == shown
 

@@ -1,4 +1,6 @@
-"""The examples of the page on extensions are extensions: each is put in its place and does what the page says."""
+"""The examples of the page on extensions are extensions: each is put in its place and does what
+the page says.
+"""
 
 import re
 from pathlib import Path

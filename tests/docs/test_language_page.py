@@ -1,4 +1,6 @@
-"""Every example of the language reference is loaded, as an addition to the cell at the top of the page."""
+"""Every example of the language reference is loaded, as an addition to the cell at the top of
+the page.
+"""
 
 import re
 from pathlib import Path
@@ -21,7 +23,9 @@ PROBLEM_FRAGMENTS = [text for kind, text in ALL if kind == "yaml problem fragmen
 
 
 def merged(base: str, fragment: str) -> str:
-    """The base with the entries of the fragment's sections added to its own; single lines are replaced."""
+    """The base with the entries of the fragment's sections added to its own; single lines are
+    replaced.
+    """
     sections = dict(re.findall(r"^(\w+:[^\n]*)\n((?:[ #][^\n]*\n)*)", base, re.M))
     for head, body in re.findall(r"^(\w+:[^\n]*)\n((?:[ #][^\n]*\n)*)", fragment, re.M):
         name = head.partition(":")[0]
@@ -62,11 +66,17 @@ def test_there_are_examples() -> None:
 
 
 @pytest.mark.parametrize(("fragment", "rules"), domain_fragments())
-def test_an_example_of_a_domain_is_sound_and_grounds(fragment: str, rules: str, tmp_path: Path) -> None:
+def test_an_example_of_a_domain_is_sound_and_grounds(
+    fragment: str, rules: str, tmp_path: Path
+) -> None:
     target = cell(tmp_path, fragment, rules)
     loaded = load(target)
     assert loaded.warnings == ()
-    assert not [each for each in domain_check.check_domain_files(str(target)).diagnostics if not each.warning]
+    assert not [
+        each
+        for each in domain_check.check_domain_files(str(target)).diagnostics
+        if not each.warning
+    ]
 
 
 @pytest.mark.parametrize("fragment", PROBLEM_FRAGMENTS)
@@ -76,13 +86,18 @@ def test_an_example_of_a_problem_is_sound_and_grounds(fragment: str, tmp_path: P
         base = re.sub(r"^initial:\n(?: .*\n)*", "", base, flags=re.M)
     target = cell(tmp_path, problem=merged(base, fragment))
     assert load(target).warnings == ()
-    assert not [each for each in domain_check.check_domain_files(str(target)).diagnostics if not each.warning]
+    assert not [
+        each
+        for each in domain_check.check_domain_files(str(target)).diagnostics
+        if not each.warning
+    ]
 
 
 def test_the_page_lists_the_conventions_as_the_engine_has_them() -> None:
     section = PAGE.partition("\n## Conventions\n")[2].partition("\n## ")[0]
     told = [
-        f"| `{each.written()}` | {each.sort.value} | {each.meaning} | {', '.join(f'`{verb}`' for verb in each.used_by)} |"
+        f"| `{each.written()}` | {each.sort.value} | {each.meaning} | "
+        f"{', '.join(f'`{verb}`' for verb in each.used_by)} |"
         for each in CONVENTION_BY_NAME.values()
     ]
     assert re.findall(r"^\| `.*", section, re.MULTILINE) == told

@@ -24,7 +24,11 @@ def test_every_kind_of_file_is_in_it() -> None:
 def test_every_key_is_in_it(kind: str) -> None:
     text = PAGE.read_text("utf-8")
     schema = json_schema(kind)
-    keys = {key for part in [schema, *schema.get("$defs", {}).values()] for key in part.get("properties", {})}
+    keys = {
+        key
+        for part in [schema, *schema.get("$defs", {}).values()]
+        for key in part.get("properties", {})
+    }
     assert keys
     assert {key for key in keys if f"| `{key}`" not in text} == set()
 
@@ -34,5 +38,7 @@ def test_every_row_has_three_cells_and_a_meaning() -> None:
     cells = [re.split(r"(?<!\\)\|", row)[1:-1] for row in rows]
     assert len(rows) > 200
     assert [
-        row for row, each in zip(rows, cells, strict=True) if len(each) != 3 or not all(map(str.strip, each))
+        row
+        for row, each in zip(rows, cells, strict=True)
+        if len(each) != 3 or not all(map(str.strip, each))
     ] == []

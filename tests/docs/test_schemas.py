@@ -37,7 +37,9 @@ def test_files_that_people_write_have_a_schema() -> None:
     assert {"domain", "problem", "plan"} <= set(KINDS)
 
 
-@pytest.mark.parametrize("file", sorted(BUNDLED), ids=lambda file: f"{file.parent.name}/{file.name}")
+@pytest.mark.parametrize(
+    "file", sorted(BUNDLED), ids=lambda file: f"{file.parent.name}/{file.name}"
+)
 def test_a_bundled_file_names_its_schema_for_editors(file: Path) -> None:
     first = file.read_text("utf-8").partition("\n")[0]
     named = re.fullmatch(r"# yaml-language-server: \$schema=(\S+)", first)

@@ -1,4 +1,6 @@
-"""The site of all pages: it is built without a warning, every page is in its navigation, and nothing is fetched from anywhere."""
+"""The site of all pages: it is built without a warning, every page is in its navigation, and
+nothing is fetched from anywhere.
+"""
 
 import importlib.util
 import re
@@ -27,7 +29,10 @@ FETCHED = re.compile(
 def built(docs: Path, site: Path) -> subprocess.CompletedProcess[str]:
     line = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html"]
     return subprocess.run(
-        [*line, "-c", str(docs / "site"), str(docs), str(site)], capture_output=True, text=True, check=False
+        [*line, "-c", str(docs / "site"), str(docs), str(site)],
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
@@ -54,7 +59,8 @@ def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path: Path)
         if address
     }
     assert found == set()
-    assert "regrasp" in (tmp_path / "site" / "searchindex.js").read_text("utf-8")  # search needs no server
+    # search needs no server
+    assert "regrasp" in (tmp_path / "site" / "searchindex.js").read_text("utf-8")
 
 
 @needs_builder

@@ -19,13 +19,16 @@ def test_every_row_has_section_idea_and_place() -> None:
 
 def test_the_modules_that_realise_ideas_are_there() -> None:
     names = [
-        name for row in ROWS for name in re.findall(r"`cellwright\.((?:kb|engine)[\w.]*)`", " ".join(row[2:]))
+        name
+        for row in ROWS
+        for name in re.findall(r"`cellwright\.((?:kb|engine)[\w.]*)`", " ".join(row[2:]))
     ]
     assert len(names) >= 70
     missing = {
         name
         for name in names
-        if not (path := TOP.joinpath(*name.split("."))).is_dir() and not path.with_suffix(".py").is_file()
+        if not (path := TOP.joinpath(*name.split("."))).is_dir()
+        and not path.with_suffix(".py").is_file()
     }
     assert missing == set()
     assert all(re.search(r"`cellwright\.(?:kb|engine)", row[2]) for row in ROWS)

@@ -1,4 +1,6 @@
-"""The tutorial, gone through as a reader would: each file written, each command line run, each output and picture compared."""
+"""The tutorial, gone through as a reader would: each file written, each command line run, each
+output and picture compared.
+"""
 
 import re
 from pathlib import Path
@@ -46,4 +48,6 @@ def test_the_tutorial_has_what_a_reader_has_to_see() -> None:
     assert {"init", "check", "plan", "schedule", "diagnose", "run", "results"} <= verbs
     assert any("--fault" in part.line and part.shown for part in runs)
     assert len(PICTURE.findall(PAGE)) >= 2
-    assert {path.name for path in (TOP / "docs" / "tutorial").iterdir()} == set(PICTURE.findall(PAGE))
+    assert {path.name for path in (TOP / "docs" / "tutorial").iterdir()} == set(
+        PICTURE.findall(PAGE)
+    )

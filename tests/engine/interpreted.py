@@ -22,7 +22,9 @@ def interpreted(compiled: ModuleType) -> ModuleType:
 
 
 def interpreted_package(package: ModuleType) -> dict[str, ModuleType]:
-    """All modules of a package from their sources, by their last names: they see each other, and nothing else sees them."""
+    """All modules of a package from their sources, by their last names: they see each other,
+    and nothing else sees them.
+    """
     folder = Path(str(package.__file__)).parent
     names = sorted(each.stem for each in folder.glob("*.py") if each.stem != "__init__")
     finder = FileFinder(str(folder), (SourceFileLoader, [".py"]))
@@ -44,5 +46,7 @@ def interpreted_package(package: ModuleType) -> dict[str, ModuleType]:
         for name in names:
             sys.modules.pop(f"{package.__name__}.{name}", None)
             vars(package).pop(name, None)
-        sys.modules.update({f"{package.__name__}.{name}": each for name, each in hidden.items() if each})
+        sys.modules.update(
+            {f"{package.__name__}.{name}": each for name, each in hidden.items() if each}
+        )
         vars(package).update(shown)

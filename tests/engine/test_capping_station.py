@@ -1,4 +1,6 @@
-"""A third cell, written only in YAML and ASP: it checks, plans, validates and recovers without a line of Python of its own."""
+"""A third cell, written only in YAML and ASP: it checks, plans, validates and recovers without
+a line of Python of its own.
+"""
 
 import json
 from pathlib import Path
@@ -19,7 +21,10 @@ from tests.engine.pipelines.execution.cells import executed
 CELL = Path(__file__).parents[1] / "domains" / "capping"
 PROBLEMS = sorted(path.stem for path in (CELL / "problems").glob("*.yaml"))
 TWO, THREE = (str(CELL / "problems" / f"{name}.yaml") for name in ("two", "three"))
-FEW_AND_MORE = [pytest.param(TWO, 2, id="two"), pytest.param(THREE, 3, id="three", marks=pytest.mark.slow)]
+FEW_AND_MORE = [
+    pytest.param(TWO, 2, id="two"),
+    pytest.param(THREE, 3, id="three", marks=pytest.mark.slow),
+]
 MODEL, _ = load_faults(CELL / "domain.yaml")
 CASES = [(name, cause) for name, each in MODEL.exceptions.items() for cause in each.counts]
 STEPS = {
@@ -36,7 +41,8 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file with a plan for three bottles, made by the command that people type."""
     file = tmp_path_factory.mktemp("plans") / "plan.json"
     file.write_text(
-        CliRunner().invoke(app, ["plan", THREE, "--objective", "cost", "--format", "json"]).stdout, "utf-8"
+        CliRunner().invoke(app, ["plan", THREE, "--objective", "cost", "--format", "json"]).stdout,
+        "utf-8",
     )
     return file
 
@@ -62,7 +68,16 @@ def test_it_understands_commands() -> None:
 
 @pytest.mark.parametrize(("exception", "cause"), CASES)
 def test_every_cause_is_found_and_recovered_from(exception: str, cause: str, plan: Path) -> None:
-    line = ["diagnose", THREE, "--exception", exception, "--step", STEPS[exception], "--hidden", cause]
+    line = [
+        "diagnose",
+        THREE,
+        "--exception",
+        exception,
+        "--step",
+        STEPS[exception],
+        "--hidden",
+        cause,
+    ]
     answer = CliRunner().invoke(app, [*line, "--recover", "--plan", str(plan), "--format", "json"])
     assert answer.exit_code == 0, answer.output
     assert json.loads(answer.stdout)["data"]
@@ -70,7 +85,9 @@ def test_every_cause_is_found_and_recovered_from(exception: str, cause: str, pla
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("target", "bottles"), FEW_AND_MORE)
-def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal(target: str, bottles: int) -> None:
+def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal(
+    target: str, bottles: int
+) -> None:
     ending, records, _ = executed(target)
     assert ending.outcome == "reached"
     assert ending.makespan_ms == ending.forecast_ms
@@ -79,10 +96,14 @@ def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal(target: str, 
     assert sum(each.startswith("mass(") for each in replies) == bottles
     results = [each.content for each in records if each.kind is RecordKind.RESULT]
     assert [each["quantity"] for each in results].count("excess") == bottles
-    assert all(each["passed"] is (each["lower"] <= each["value"] <= each["upper"]) for each in results)
+    assert all(
+        each["passed"] is (each["lower"] <= each["value"] <= each["upper"]) for each in results
+    )
 
 
-@pytest.mark.parametrize("target", [TWO, pytest.param(THREE, marks=pytest.mark.slow)], ids=["two", "three"])
+@pytest.mark.parametrize(
+    "target", [TWO, pytest.param(THREE, marks=pytest.mark.slow)], ids=["two", "three"]
+)
 @pytest.mark.parametrize(("exception", "cause"), CASES)
 def test_a_run_with_any_cause_recovers_or_gives_up_what_is_lost(
     exception: str, cause: str, target: str

@@ -1,4 +1,6 @@
-"""A centrifuge cell: balance by a rule that sums over fluents, one step that spins all tubes inside, a bottle that runs dry."""
+"""A centrifuge cell: balance by a rule that sums over fluents, one step that spins all tubes
+inside, a bottle that runs dry.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +32,9 @@ def problem(name: str) -> Problem:
 
 
 @pytest.mark.parametrize(("name", "tubes", "spins"), [("four", 4, 1), ("eight", 8, 2)])
-def test_tubes_are_spun_in_as_few_batches_as_the_rotor_allows(name: str, tubes: int, spins: int) -> None:
+def test_tubes_are_spun_in_as_few_batches_as_the_rotor_allows(
+    name: str, tubes: int, spins: int
+) -> None:
     outcome = checked_plan.plan_problem(problem(name))
     assert isinstance(outcome, Found)
     names = [step.operator.name for step in outcome.plan.steps]
@@ -56,7 +60,9 @@ def test_every_spin_is_balanced() -> None:
     outcome = checked_plan.plan_problem(given)
     assert isinstance(outcome, Found)
     semantics = Semantics(given)
-    weight = {atom.arguments[0]: atom.arguments[1] for atom in given.statics if atom.name == "weight"}
+    weight = {
+        atom.arguments[0]: atom.arguments[1] for atom in given.statics if atom.name == "weight"
+    }
     side = {f"position_{n}": 1 if n < 3 else -1 for n in range(1, 5)}
     state = semantics.initial()
     for step in outcome.plan.steps:
@@ -101,7 +107,9 @@ def test_a_sentence_fills_spins_and_puts_back() -> None:
     posed = checked_plan.problem_of("centrifuge/four", command=said)
     outcome = checked_plan.plan_problem(posed)
     assert isinstance(outcome, Found)
-    assert checked_plan.check_plan(posed, outcome.plan, "plan", Claims(cost=outcome.plan.cost)) == []
+    assert (
+        checked_plan.check_plan(posed, outcome.plan, "plan", Claims(cost=outcome.plan.cost)) == []
+    )
     names = [step.operator.name for step in outcome.plan.steps]
     assert names.count("dispense") == names.count("unload") == 4
     assert names.count("spin") == 1
@@ -127,7 +135,14 @@ def test_every_step_of_the_cell_can_fail_in_a_way_that_is_known() -> None:
     ],
 )
 def test_a_run_recovers_from_a_fault(step: str, cause: str, tmp_path: Path) -> None:
-    words = ["run", "centrifuge/four", "--fault", f"{step}={cause}", "--store", str(tmp_path / "store.db")]
+    words = [
+        "run",
+        "centrifuge/four",
+        "--fault",
+        f"{step}={cause}",
+        "--store",
+        str(tmp_path / "store.db"),
+    ]
     said = CliRunner().invoke(app, words)
     assert said.exit_code == 0, said.output
     assert "all goals are reached" in said.output

@@ -42,12 +42,18 @@ def names(plan: Plan) -> list[str]:
 def unordered(plan: Plan, one: str, other: str) -> bool:
     """Whether no order holds between the first steps of two names."""
     before = plan.predecessors()
-    a, b = (next(step.id for step in plan.steps if str(step.operator) == name) for name in (one, other))
+    a, b = (
+        next(step.id for step in plan.steps if str(step.operator) == name) for name in (one, other)
+    )
     return a not in before[b] and b not in before[a]
 
 
 def test_the_sussman_anomaly_is_solved_in_three_steps_by_interleaving_its_goals() -> None:
-    assert names(solved("blocks/sussman")) == ["to_table(c, a)", "move(b, table, c)", "move(a, table, b)"]
+    assert names(solved("blocks/sussman")) == [
+        "to_table(c, a)",
+        "move(b, table, c)",
+        "move(a, table, b)",
+    ]
 
 
 def test_a_tower_is_inverted_without_a_wasted_move() -> None:
@@ -91,7 +97,9 @@ def test_working_on_the_heaviest_goals_first_saves_search_and_the_reverse_costs_
             name: replace(each, weight=None if each.weight is None else 5 + sign * each.weight)
             for name, each in base.domain.predicates.items()
         }
-        outcome = checked_plan.plan_problem(replace(base, domain=replace(base.domain, predicates=predicates)))
+        outcome = checked_plan.plan_problem(
+            replace(base, domain=replace(base.domain, predicates=predicates))
+        )
         assert isinstance(outcome, Found)
         return outcome.statistics.counts["expanded"]
 
@@ -107,7 +115,12 @@ def test_weights_left_out_follow_what_an_achiever_needs() -> None:
 
 def test_a_recursive_derived_predicate_opens_the_way() -> None:
     plan = solved("maze/corridor")
-    assert names(plan) == ["unlock(d1, r1, r2)", "unlock(d2, r2, r3)", "unlock(d3, r3, r4)", "enter(r4)"]
+    assert names(plan) == [
+        "unlock(d1, r1, r2)",
+        "unlock(d2, r2, r3)",
+        "unlock(d3, r3, r4)",
+        "enter(r4)",
+    ]
 
 
 def test_a_derived_goal_is_reached_through_its_supports() -> None:
@@ -184,9 +197,13 @@ def test_defaults_hold_unless_a_given_fact_denies_them() -> None:
     assert "free(shelf)" not in initial
 
 
-def test_goals_with_many_ways_are_met_without_multiplying_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_goals_with_many_ways_are_met_without_multiplying_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     base = problem("oven/no_stage", "at(_, rack), at(_, grill), free(_)")
-    base = replace(base, initial=(*base.initial, Function("at", (Function("c2"), Function("grill")))))
+    base = replace(
+        base, initial=(*base.initial, Function("at", (Function("c2"), Function("grill"))))
+    )
     multiplied = checked_plan.plan_problem(base)
     monkeypatch.setattr(goal_compilation, "MAX_GOAL_ALTERNATIVES", 1)
     task = ground(base)
@@ -207,7 +224,9 @@ def test_two_ways_to_say_the_same_state_contradict() -> None:
         checked_plan.plan_problem(replace(base, initial=(fact("c1", "shelf"), fact("c1", "grill"))))
 
 
-@pytest.mark.parametrize("name", ["blocks/sussman", "workshop/dirty", "maze/corridor", "oven/twice"])
+@pytest.mark.parametrize(
+    "name", ["blocks/sussman", "workshop/dirty", "maze/corridor", "oven/twice"]
+)
 def test_the_same_seed_gives_the_same_plan(name: str) -> None:
     assert solved(name) == solved(name)
 

@@ -1,4 +1,6 @@
-"""The gauging cell: the probe is calibrated before it is due, by count and by use, and couplant is refilled before it runs out."""
+"""The gauging cell: the probe is calibrated before it is due, by count and by use, and couplant
+is refilled before it runs out.
+"""
 
 import json
 from dataclasses import replace
@@ -22,7 +24,8 @@ def begun(problem: Problem, **levels: int) -> Problem:
     """The problem with other amounts at the start."""
     initial = (
         Function(
-            atom.name, (*atom.arguments[:-1], Number(levels.get(atom.name, int(str(atom.arguments[-1])))))
+            atom.name,
+            (*atom.arguments[:-1], Number(levels.get(atom.name, int(str(atom.arguments[-1]))))),
         )
         if atom.name in ("couplant", *LIMITS)
         else atom
@@ -35,8 +38,12 @@ def begun(problem: Problem, **levels: int) -> Problem:
     ("levels", "calibrations", "refills"),
     [
         pytest.param({}, 2, 1, marks=pytest.mark.slow),  # the golden plan of the wall is the same
-        pytest.param({"couplant": 40, "values_since": 0, "seconds_since": 0}, 1, 0, marks=pytest.mark.slow),
-        pytest.param({"couplant": 40, "values_since": 0, "seconds_since": 398}, 2, 0, marks=pytest.mark.slow),
+        pytest.param(
+            {"couplant": 40, "values_since": 0, "seconds_since": 0}, 1, 0, marks=pytest.mark.slow
+        ),
+        pytest.param(
+            {"couplant": 40, "values_since": 0, "seconds_since": 398}, 2, 0, marks=pytest.mark.slow
+        ),
         ({"couplant": 0, "values_since": 25, "seconds_since": 100}, 2, 1),
     ],
 )
@@ -46,7 +53,9 @@ def test_what_is_due_is_planned_before_the_measurements_that_need_it(
     problem = begun(load_problem("gauging/wall"), **levels)
     found = plan_for_objective(problem).outcome
     assert isinstance(found, Found)
-    amounts = {atom.name: int(str(atom.arguments[-1])) for atom in problem.initial if atom.name != "at"}
+    amounts = {
+        atom.name: int(str(atom.arguments[-1])) for atom in problem.initial if atom.name != "at"
+    }
     done = [step.operator.name for step in found.plan.steps]
     for name in done:
         if name == "calibrate":
@@ -60,7 +69,11 @@ def test_what_is_due_is_planned_before_the_measurements_that_need_it(
             amounts["seconds_since"] += 4
         assert amounts["couplant"] >= 0
         assert all(amounts[each] <= most for each, most in LIMITS.items())
-    assert (done.count("gauge"), done.count("calibrate"), done.count("refill")) == (30, calibrations, refills)
+    assert (done.count("gauge"), done.count("calibrate"), done.count("refill")) == (
+        30,
+        calibrations,
+        refills,
+    )
 
 
 FAULTS = load_faults(bundled_domains()["gauging"] / "domain.yaml")[0]
@@ -69,7 +82,16 @@ CASES = [(name, cause) for name in FAULTS.exceptions for cause in FAULTS.priors(
 
 @pytest.mark.parametrize(("exception", "cause"), CASES)
 def test_every_cause_of_a_failed_step_is_found(exception: str, cause: str) -> None:
-    words = ["diagnose", "gauging", "--exception", exception, "--hidden", cause, "--objective", "isolate"]
+    words = [
+        "diagnose",
+        "gauging",
+        "--exception",
+        exception,
+        "--hidden",
+        cause,
+        "--objective",
+        "isolate",
+    ]
     result = CliRunner().invoke(app, [*words, "--format", "json"])
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)["data"]

@@ -1,9 +1,11 @@
-"""`make fuzz`: mutated inputs for every reader, whole domains, and whole command lines, until the time is over.
+"""`make fuzz`: mutated inputs for every reader, whole domains, and whole command lines, until the
+time is over.
 
     python tests/fuzzing/campaign.py [--minutes 10] [--seed 1] [--only NAME] [--state FOLDER] [--show NAME NUMBER]
 
-A case is known by seed, name and number, so a campaign goes on where it stopped, and `--show` writes what a case was. Exit code 1 if a
-case raised what no reader promises, took more than 20 s of the processor or more than 2 GB.
+A case is known by seed, name and number, so a campaign goes on where it stopped, and `--show`
+writes what a case was. Exit code 1 if a case raised what no reader promises, took more than 20 s of
+the processor or more than 2 GB.
 """
 
 import argparse
@@ -97,7 +99,9 @@ def warm(reader: Reader, folder: Path) -> None:
 
 
 class State:
-    """How far a campaign is, in a file: for each target the number of the next case, and the tally."""
+    """How far a campaign is, in a file: for each target the number of the next case, and the
+    tally.
+    """
 
     def __init__(self, folder: Path, seed: int) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -121,7 +125,10 @@ def _tally(said: dict[str, object]) -> Tally:
 
 
 def run(state: State, seed: int, minutes: float, only: str) -> None:
-    """Run batches, each target in turn, until the time is over. What was tried least comes first, in seconds."""
+    """Run batches, each target in turn, until the time is over.
+
+    What was tried least comes first, in seconds.
+    """
     end, spent = time.monotonic() + minutes * 60, dict[str, float]()
     chosen = {name: each for name, each in targets().items() if only in name}
     rate = dict.fromkeys(chosen, 20.0)
@@ -169,7 +176,9 @@ def show(name: str, number: int, seed: int, output: Path) -> None:
 
 def main() -> int:
     """Run what the command line asks for; returns the exit code."""
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     asked.add_argument("--minutes", type=float, default=10.0)
     asked.add_argument("--seed", type=int, default=1)
     asked.add_argument("--only", default="", help="targets whose names contain this")

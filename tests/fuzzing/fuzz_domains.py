@@ -1,4 +1,6 @@
-"""Cases of whole domains (read, grounded, planned) and of whole command lines, each in a process of its own."""
+"""Cases of whole domains (read, grounded, planned) and of whole command lines, each in a
+process of its own.
+"""
 
 import atexit
 import os
@@ -62,7 +64,9 @@ def _problem(chance: Random, cell: Path) -> Path:
 
 
 def domains(seed: int, folder: Path) -> Callable[[int], bool]:
-    """Cases in process: a mutated cell is loaded, checked and grounded, and a small problem is planned."""
+    """Cases in process: a mutated cell is loaded, checked and grounded, and a small problem is
+    planned.
+    """
     from cellwright.engine.pipelines.planning.checked_plan import plan_problem
     from cellwright.engine.pipelines.planning.target_files import load_target
     from cellwright.engine.stages.planning import SearchLimits
@@ -77,7 +81,8 @@ def domains(seed: int, folder: Path) -> Callable[[int], bool]:
                 found = load_target(target)
                 if found.problem is not None:
                     plan_problem(
-                        found.problem, SearchLimits(300, interrupted=lambda: time.process_time() > end)
+                        found.problem,
+                        SearchLimits(300, interrupted=lambda: time.process_time() > end),
                     )
         except (InvalidInput, stopping.StoppedByCaller):
             return False
@@ -87,7 +92,9 @@ def domains(seed: int, folder: Path) -> Callable[[int], bool]:
 
 
 def commands(seed: int, folder: Path) -> Callable[[int], bool]:
-    """Cases through the command line, in a process forked from this one, which has the modules loaded."""
+    """Cases through the command line, in a process forked from this one, which has the modules
+    loaded.
+    """
 
     def case(number: int) -> bool:
         arguments = written("command lines", seed, number, folder)
@@ -106,8 +113,12 @@ def commands(seed: int, folder: Path) -> Callable[[int], bool]:
         assert code in EXPECTED, f"exit {code} of {arguments}: {said[-300:]}"
         assert "Traceback" not in said, f"{arguments}: {said[-300:]}"
         assert spent < SECONDS, f"{arguments} took {spent:.1f} s"
-        assert usage.ru_maxrss / 1024 < MEGABYTES, f"{arguments} took {usage.ru_maxrss / 1024:.0f} MB"
-        hidden = [each for each in said if (each < " " and each not in "\n\t") or "\x7f" <= each < "\xa0"]
+        assert usage.ru_maxrss / 1024 < MEGABYTES, (
+            f"{arguments} took {usage.ru_maxrss / 1024:.0f} MB"
+        )
+        hidden = [
+            each for each in said if (each < " " and each not in "\n\t") or "\x7f" <= each < "\xa0"
+        ]
         assert not hidden, f"{arguments}: control characters in the answer"
         return code == 0
 
@@ -117,12 +128,15 @@ def commands(seed: int, folder: Path) -> Callable[[int], bool]:
 def _command(arguments: list[str], folder: Path) -> None:
     from cellwright.engine.faces.cli import main
 
-    atexit._clear()  # the end of a command must not delete the folder of the campaign that it was forked from
+    # the end of a command must not delete the folder of the campaign that it was forked from
+    atexit._clear()
     out = os.open(folder / "stdout", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
     said = os.open(folder / "stderr", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
     os.dup2(out, 1)
     os.dup2(said, 2)
-    sys.stdout, sys.stderr = (os.fdopen(each, "w", encoding="utf-8", errors="replace") for each in (1, 2))
+    sys.stdout, sys.stderr = (
+        os.fdopen(each, "w", encoding="utf-8", errors="replace") for each in (1, 2)
+    )
     sys.argv = ["cellwright", *arguments]
     code = 70
     try:

@@ -1,4 +1,6 @@
-"""Runs cases in a forked process that has budgets of processor time and memory, so that one bad case ends nothing else."""
+"""Runs cases in a forked process that has budgets of processor time and memory, so that one bad
+case ends nothing else.
+"""
 
 import contextlib
 import mmap
@@ -18,7 +20,9 @@ LOOK = 0.2  # seconds between two looks
 
 @dataclass
 class Tally:
-    """What became of the cases of a reader; `failures` are the numbers of the bad ones with what happened."""
+    """What became of the cases of a reader; `failures` are the numbers of the bad ones with
+    what happened.
+    """
 
     cases: int = 0
     refused: int = 0
@@ -37,11 +41,13 @@ class Tally:
         self.failures |= other.failures
 
 
-_FORM = struct.Struct("<qqqdd")  # number, refused, accepted, slowest, processor time at the begin of the case
+# number, refused, accepted, slowest, processor time at the begin of the case
+_FORM = struct.Struct("<qqqdd")
 
 
 def batch(numbers: Sequence[int], case: Callable[[int], bool]) -> Tally:
-    """Run cases one after the other; `case` says whether its input was accepted, and raises what went wrong.
+    """Run cases one after the other; `case` says whether its input was accepted, and raises what
+    went wrong.
 
     The process is begun anew behind a case that takes more than its budgets, or kills it.
     """
@@ -75,7 +81,9 @@ def _attempt(numbers: Sequence[int], case: Callable[[int], bool]) -> tuple[int, 
         how = f"took more than {SECONDS:g} s" if killed else f"ended the process: {status}"
         tally.failures[numbers[at]] = how
     if tally.largest_mb > MEGABYTES:
-        tally.failures.setdefault(numbers[max(at - 1, 0)], f"{tally.largest_mb:.0f} MB in this batch")
+        tally.failures.setdefault(
+            numbers[max(at - 1, 0)], f"{tally.largest_mb:.0f} MB in this batch"
+        )
     tally.cases = tried
     return tried, tally
 
@@ -94,7 +102,10 @@ def _await(child: int, shared: mmap.mmap) -> tuple[int, resource.struct_rusage, 
 
 
 def _processor_s(process: int) -> float:
-    with contextlib.suppress(OSError, IndexError), open(f"/proc/{process}/stat", encoding="ascii") as file:
+    with (
+        contextlib.suppress(OSError, IndexError),
+        open(f"/proc/{process}/stat", encoding="ascii") as file,
+    ):
         parts = file.read().rpartition(")")[2].split()
         return (int(parts[11]) + int(parts[12])) / os.sysconf("SC_CLK_TCK")
     return 0.0

@@ -1,4 +1,6 @@
-"""Readers of what was measured: range images, clouds of points, results, hidden truths, and tools as cells describe them."""
+"""Readers of what was measured: range images, clouds of points, results, hidden truths, and
+tools as cells describe them.
+"""
 
 import json
 from functools import cache, partial
@@ -63,7 +65,9 @@ def range_images() -> list[bytes]:
 def _save(out: Any, said: dict[str, Any]) -> None:
     import numpy as np
 
-    arrays = {name: np.array(json.dumps(each) if name == "tool" else each) for name, each in said.items()}
+    arrays = {
+        name: np.array(json.dumps(each) if name == "tool" else each) for name, each in said.items()
+    }
     np.savez(out, **arrays)
 
 
@@ -80,7 +84,10 @@ def measured_in(image: Any) -> None:
 
     from cellwright.engine.model.shape_fits import FitShape
     from cellwright.engine.model.vision import PixelWindow, RangeImage
-    from cellwright.engine.pipelines.motion.image_dimensions import DimensionRequest, dimensions_in_image
+    from cellwright.engine.pipelines.motion.image_dimensions import (
+        DimensionRequest,
+        dimensions_in_image,
+    )
     from cellwright.engine.stages.vision.sensor_images import resolve_ranges
 
     size = (image.tool.height, image.tool.width)
@@ -90,12 +97,18 @@ def measured_in(image: Any) -> None:
     whole = PixelWindow(0, 0, size[1], size[0])
     if isinstance(image, RangeImage):
         dimensions_in_image(
-            image, [DimensionRequest(each.value, each, whole) for each in (FitShape.PLANE, FitShape.CIRCLE)]
+            image,
+            [
+                DimensionRequest(each.value, each, whole)
+                for each in (FitShape.PLANE, FitShape.CIRCLE)
+            ],
         )
 
 
 def image_content(path: Path) -> None:
-    """An image whose arrays are what a text in JSON says, so that mutations get past the checksums of the file."""
+    """An image whose arrays are what a text in JSON says, so that mutations get past the
+    checksums of the file.
+    """
     from cellwright.kb.json_text import parse_json
 
     try:
@@ -152,7 +165,9 @@ def profiles(form: str) -> list[bytes]:
     from cellwright.engine.formats.interop.results import ResultForm, write_results
     from cellwright.kb.model.measured_results import Measured, Results
 
-    found = tuple(Measured(f"m{n}", "profile", 10.0 * n, "um", 0.0, tool="slra") for n in range(1, 13))
+    found = tuple(
+        Measured(f"m{n}", "profile", 10.0 * n, "um", 0.0, tool="slra") for n in range(1, 13)
+    )
     return [write_results(Results("monday", "", found), ResultForm(form)).encode()]
 
 
@@ -165,7 +180,8 @@ def _job() -> Any:
 
 MEASURED = [
     Reader("range image", "bytes", range_images, range_image, "a.npz"),
-    Reader("range image content", "json", _said(json.dumps(IMAGE), json.dumps(WRAPPED)), image_content, "a.json"),
+    Reader("range image "
+    "content", "json", _said(json.dumps(IMAGE), json.dumps(WRAPPED)), image_content, "a.json"),
     Reader("ranges NPY", "bytes", lambda: [seeds.npy()], depth_as_ranges, "a.npy"),
     Reader("ranges PNG", "bytes", lambda: [seeds.png()], depth_as_ranges, "a.png"),
     Reader("ranges PCD", "text", _said(seeds.PCD), depth_as_ranges, "a.pcd"),

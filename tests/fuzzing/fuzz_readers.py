@@ -1,4 +1,6 @@
-"""Every reader of a file or a text that people write, with what it is given and how it is called."""
+"""Every reader of a file or a text that people write, with what it is given and how it is
+called.
+"""
 
 import json
 from collections.abc import Callable, Sequence
@@ -19,7 +21,10 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Reader:
-    """A reader: the kind of mutation, sound inputs, and a function that reads a file. `beside` are files it needs."""
+    """A reader: the kind of mutation, sound inputs, and a function that reads a file.
+
+    `beside` are files it needs.
+    """
 
     name: str
     kind: str
@@ -30,7 +35,9 @@ class Reader:
 
 
 def _text(path: Path) -> str:
-    return path.read_bytes().decode("utf-8", "surrogatepass" if _has_surrogates(path) else "replace")
+    return path.read_bytes().decode(
+        "utf-8", "surrogatepass" if _has_surrogates(path) else "replace"
+    )
 
 
 def _has_surrogates(path: Path) -> bool:
@@ -60,9 +67,9 @@ def _of(pattern: str, *folders: str) -> Callable[[], list[bytes]]:
 def _words(pattern: str) -> Callable[[], list[bytes]]:
     """The lines of files, each by itself."""
     return cache(
-        lambda: [line.strip() for text in _of(pattern)() for line in text.split(b"\n") if len(line) > 5][
-            :3000
-        ]
+        lambda: [
+            line.strip() for text in _of(pattern)() for line in text.split(b"\n") if len(line) > 5
+        ][:3000]
     )
 
 
@@ -165,7 +172,10 @@ def protocol(path: Path) -> None:
 
 
 def macrops(path: Path) -> None:
-    from cellwright.engine.pipelines.planning.macros.macro_exchange import macro_records, read_macros
+    from cellwright.engine.pipelines.planning.macros.macro_exchange import (
+        macro_records,
+        read_macros,
+    )
 
     macro_records(read_macros(path))
 
@@ -185,7 +195,9 @@ def _fault_model():  # type: ignore[no-untyped-def]
 
 @cache
 def _cases() -> list[bytes]:
-    counts = {name: dict.fromkeys(each.counts, 2.5) for name, each in _fault_model().exceptions.items()}
+    counts = {
+        name: dict.fromkeys(each.counts, 2.5) for name, each in _fault_model().exceptions.items()
+    }
     return [json.dumps(counts).encode()]
 
 
@@ -209,9 +221,13 @@ def _results(form: str) -> list[bytes]:
     from cellwright.engine.formats.interop.results import ResultForm, write_results
     from cellwright.kb.model.measured_results import Measured, Results
 
-    measured = Measured("m1", "thickness", 6342.5, "um", 6350, 6340, 6360, "probe", "measure(m1)", 42_000)
+    measured = Measured(
+        "m1", "thickness", 6342.5, "um", 6350, 6340, 6360, "probe", "measure(m1)", 42_000
+    )
     return [
-        write_results(Results("monday", "2026-11-22T10:00:00+00:00", (measured,)), ResultForm(form)).encode()
+        write_results(
+            Results("monday", "2026-11-22T10:00:00+00:00", (measured,)), ResultForm(form)
+        ).encode()
     ]
 
 
@@ -365,7 +381,10 @@ FILES = [
     Reader("term", "text", _said("f(a, 1)", 'g(f(a), "x", -3)', "p(1 + 2 * 3)"), terms),
     Reader("rules", "text", _of("*.lp"), rules, "rules.lp"),
     Reader(
-        "notation", "text", _said("at(arm, X)", 'not p(f(-1), "a")', "X != Y + 2 * 3", "f(g(h(1)))"), notation
+        "notation",
+        "text",
+        _said("at(arm, X)", 'not p(f(-1), "a")', "X != Y + 2 * 3", "f(g(h(1)))"),
+        notation,
     ),
     Reader("number", "text", _said("1", "-2.5e3", ".5", "0012", "1e15"), numbers),
     Reader("YAML tree", "yaml", _of("*.yaml"), tree),
@@ -382,7 +401,12 @@ FILES = [
     Reader("motion set", "json", _said(seeds.MOTIONS), motions, "set.json"),
     Reader("simulator log", "text", _said(seeds.LOG), log, "log.jsonl"),
     Reader("command", "text", _said(*seeds.SENTENCES), sentence),
-    Reader("goals", "text", _said("stored(probe_1), not open(flap)", "forall(X: probe): stored(X)"), goals),
+    Reader(
+        "goals",
+        "text",
+        _said("stored(probe_1), not open(flap)", "forall(X: probe): stored(X)"),
+        goals,
+    ),
     Reader("configuration", "text", _said(*seeds.CONFIGURATIONS), configuration),
     Reader("URDF", "xml", _said(seeds.URDF), urdf, "arm.urdf", {"cell.yaml": seeds.URDF_CELL}),
     Reader("cell", "yaml", _of("cell.yaml"), cell, "cell.yaml"),
@@ -416,7 +440,13 @@ FILES = [
     Reader("PDDL problem", "text", _said(seeds.PDDL_PROBLEM), pddl, "problem.pddl", PDDL_FILES),
     Reader("PDDL plan", "text", _said(seeds.PDDL_PLAN), pddl_plan, "plan.txt"),
     *(
-        Reader(f"results {form}", "text", partial(_results, form), partial(results, form), f"results.{form}")
+        Reader(
+            f"results {form}",
+            "text",
+            partial(_results, form),
+            partial(results, form),
+            f"results.{form}",
+        )
         for form in ("csv", "json", "qif")
     ),
     Reader("plan", "json", _of("*.json", "domains"), plan, "plan.json"),

@@ -1,4 +1,6 @@
-"""Readers of what people and programs ask of commands, of runs, and of the monitor; and of formats with numbers and curves."""
+"""Readers of what people and programs ask of commands, of runs, and of the monitor; and of
+formats with numbers and curves.
+"""
 
 import asyncio
 import json
@@ -28,7 +30,10 @@ NUMBERS_PROBLEM = """(define (problem p) (:domain pumps) (:objects a b - tank qu
   (:goal (and (> (level a) (* 2 (level b))) (>= (level a) 1))) (:metric minimize (energy)))
 """
 NUMBERS = {"domain.pddl": NUMBERS_DOMAIN, "problem.pddl": NUMBERS_PROBLEM}
-ACTS = '[{"joints": [0, -90, 90, 0, 90, 0], "jaws": "close"}, {"body": "wheel", "at": [0.4, 0, 0.1], "rpy": [0, 0, 90]}]'
+ACTS = (
+    '[{"joints": [0, -90, 90, 0, 90, 0], "jaws": "close"}, {"body": "wheel", "at": [0.4, 0, '
+    '0.1], "rpy": [0, 0, 90]}]'
+)
 REQUEST = json.dumps(
     {
         "kind": "http",
@@ -45,7 +50,8 @@ REQUEST = json.dumps(
 ORDERS = (
     '{"run": "one_1", "order": "skip", "text": "pick(probe_1)", "who": "Ada"}',
     '{"order": "work", "text": "prepare themse --jobs 1"}',
-    '{"order": "start", "target": "themse/one", "seed": 3, "fault": "pick=not_gripped", "approve": true}',
+    '{"order": "start", "target": "themse/one", "seed": 3, "fault": "pick=not_gripped", '
+    '"approve": true}',
 )
 SRDF = '<robot name="arm"><disable_collisions link1="base" link2="hand" reason="Never"/></robot>'
 SRDF_CELL = "cell: bench\narms:\n  left: {urdf: arm.urdf, srdf: arm.srdf, chain: [base, hand]}\n"
@@ -57,8 +63,10 @@ DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COL
 </triangles></mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/>
 </node></visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 PLY = (
-    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty "
+    "float z\n"
+    "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 "
+    "0 1 2\n"
 )
 STEP = {
     "id": 1,
@@ -71,7 +79,13 @@ STEP = {
     "deletes": [],
 }
 JOURNAL = (
-    {"command": 1, "action": "pick(probe_1)", "started_ms": 0, "adds": ["held(probe_1)"], "events": []},
+    {
+        "command": 1,
+        "action": "pick(probe_1)",
+        "started_ms": 0,
+        "adds": ["held(probe_1)"],
+        "events": [],
+    },
     {"command": 2, "text": "measured(12)", "values": {"thickness": "12.5"}},
     {"steps": [STEP], "dwells": [[1, 2, 0, 5]], "timed": True, "order": [1], "hands": ["arm"]},
 )
@@ -191,7 +205,9 @@ def order(path: Path) -> None:
 
 
 def journal(path: Path) -> None:
-    """A line of a journal whose content was changed: results are read from it, and a run is resumed from it."""
+    """A line of a journal whose content was changed: results are read from it, and a run is
+    resumed from it.
+    """
     from cellwright.engine.pipelines.execution.plan_records import compiled_of
     from cellwright.engine.pipelines.execution.run_journal import reading_past
     from cellwright.engine.pipelines.execution.run_results import read_run_results
@@ -200,8 +216,12 @@ def journal(path: Path) -> None:
 
     content, refused = _object(path), 0
     for take in (
-        lambda: read_run_results(Begun("r", "", {}), _problem(), [JournalLine(1, 0, "reply", content)]),
-        lambda: read_run_results(Begun("r", "", {}), _problem(), [JournalLine(1, 0, "done", content)]),
+        lambda: read_run_results(
+            Begun("r", "", {}), _problem(), [JournalLine(1, 0, "reply", content)]
+        ),
+        lambda: read_run_results(
+            Begun("r", "", {}), _problem(), [JournalLine(1, 0, "done", content)]
+        ),
         lambda: compiled_of(content),
     ):
         try:
@@ -229,7 +249,10 @@ def curved() -> list[bytes]:
 
     document = Document()
     corners = [(0, 0, 0), (40, 0, 0), (40, 30, 0), (0, 30, 0), (0, 0, 0)]
-    edges = [document.coedge(segment(a, b), (a, b), segment(a[:2], b[:2]))[0] for a, b in pairwise(corners)]
+    edges = [
+        document.coedge(segment(a, b), (a, b), segment(a[:2], b[:2]))[0]
+        for a, b in pairwise(corners)
+    ]
     ring = polyline([(10, 10, 0), (10, 20, 0), (20, 20, 0), (10, 10, 0)])
     inner = document.coedge(ring, ((10, 10, 0), (10, 10, 0)))[0]
     face = document.face(plane(), [document.loop(edges), document.loop([inner], "INNER")])
@@ -245,15 +268,28 @@ PARSERS = [
     Reader("PDDL numbers, domain", "text", _said(NUMBERS_DOMAIN), pddl, "domain.pddl", NUMBERS),
     Reader("PDDL numbers, problem", "text", _said(NUMBERS_PROBLEM), pddl, "problem.pddl", NUMBERS),
     Reader("QIF curves", "xml", curved, qif, "part.qif"),
-    Reader("SRDF", "xml", _said(SRDF), urdf, "arm.srdf", {"cell.yaml": SRDF_CELL, "arm.urdf": seeds.URDF}),
+    Reader(
+        "SRDF",
+        "xml",
+        _said(SRDF),
+        urdf,
+        "arm.srdf",
+        {"cell.yaml": SRDF_CELL, "arm.urdf": seeds.URDF},
+    ),
     Reader("DAE", "xml", _said(DAE), mesh, "a.dae"),
     Reader("PLY mesh with faces", "text", _said(PLY), mesh, "a.ply"),
     Reader("acts", "json", _said(ACTS), acts, "acts.json"),
     Reader(
-        "addition", "text", _said("due(probe_1, 40 min); priority(probe_1, 3)", "store probe 1"), addition
+        "addition",
+        "text",
+        _said("due(probe_1, 40 min); priority(probe_1, 3)", "store probe 1"),
+        addition,
     ),
     Reader(
-        "seen facts", "text", _said("open(drawer), empty(arm)", "location(probe_1, slot(drawer, 1))"), facts
+        "seen facts",
+        "text",
+        _said("open(drawer), empty(arm)", "location(probe_1, slot(drawer, 1))"),
+        facts,
     ),
     Reader("done steps", "text", _said("1..4, 7", "2", "1, 2, 3..9"), steps),
     Reader(

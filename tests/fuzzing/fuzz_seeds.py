@@ -98,25 +98,36 @@ URDF = """<robot name="arm"><link name="base"/><link name="one"><collision><orig
 <joint name="b" type="prismatic"><parent link="one"/><child link="hand"/><axis xyz="1 0 0"/>
 <limit lower="0" upper="0.5" velocity="0.2"/></joint></robot>"""
 URDF_CELL = "cell: bench\narms:\n  left: {urdf: arm.urdf, chain: [base, hand]}\n"
-STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
+STL = (
+    "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 "
+    "0\nendloop\nendfacet\nendsolid a\n"
+)
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 OFF = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
 PCD = (
-    "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 3\nHEIGHT 1\n"
+    "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH "
+    "3\nHEIGHT 1\n"
     "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 3\nDATA ascii\n0 0 1\n0.1 0 1\n0 0.1 1.1\n"
 )
 RESULTS_CSV = "\ufeff" + "run,started\n"
-MOTIONS = '{"problems": [{"from": "home", "to": "0, 90, 0, 0, 0, 0"}, {"from": "home", "to": "meas(m2)", "answer": {"a": 1}}]}'
+MOTIONS = (
+    '{"problems": [{"from": "home", "to": "0, 90, 0, 0, 0, 0"}, {"from": "home", "to": '
+    '"meas(m2)", "answer": {"a": 1}}]}'
+)
 LOG = (
     """{"at_ms": 0, "sent": [{"number": 1, "kind": "step", "stream": "arm", "action": "pick(a)", "expects": "done", "choices": [],
 "lasts_ms": 10, "about": null}]}""".replace("\n", " ")
-    + '\n{"at_ms": 10, "ended": 1, "action": "pick(a)", "reply": "done"}\n{"at_ms": 12, "halted": true}\n'
+    + '\n{"at_ms": 10, "ended": 1, "action": "pick(a)", "reply": "done"}\n{"at_ms": 12, '
+    '"halted": true}\n'
 )
 PROTOCOL = [
-    '{"type": "ready", "version": 1, "name": "cell", "now_ms": 0, "virtual": true, "tick_ms": 5, "lookahead": {"arm": 2}}',
+    '{"type": "ready", "version": 1, "name": "cell", "now_ms": 0, "virtual": true, "tick_ms": '
+    '5, "lookahead": {"arm": 2}}',
     '{"type": "reply", "number": 3, "text": "done", "at_ms": 10, "values": {"thickness": "12.5"}}',
-    '{"type": "reports", "reports": [{"number": 1, "fate": "done", "reply": {"number": 1, "text": "done", "at_ms": 3}}]}',
-    '{"type": "send", "commands": [{"number": 1, "kind": "step", "stream": "arm", "action": "pick(a)", "expects": "done", '
+    '{"type": "reports", "reports": [{"number": 1, "fate": "done", "reply": {"number": 1, '
+    '"text": "done", "at_ms": 3}}]}',
+    '{"type": "send", "commands": [{"number": 1, "kind": "step", "stream": "arm", "action": '
+    '"pick(a)", "expects": "done", '
     '"choices": [], "lasts_ms": 10, "about": ""}]}',
 ]
 MACROPS = json.dumps(
@@ -132,7 +143,9 @@ MACROPS = json.dumps(
                 "unary constraints": {"X": ["point"], "Y": ["point"]},
                 "n-ary constraints": ["X != Y", "way(X, Y)"],
                 "resources": ["arm"],
-                "plan": [{"id": 1, "operator": "move(arm, Y, X)", "duration": "10", "cost": "(1 + 2)"}],
+                "plan": [
+                    {"id": 1, "operator": "move(arm, Y, X)", "duration": "10", "cost": "(1 + 2)"}
+                ],
                 "links": [[0, "at(arm, Y)", 1]],
                 "depends": {"operator move": "0123456789abcdef"},
             }
@@ -140,7 +153,8 @@ MACROPS = json.dumps(
     }
 )
 SENTENCES = [
-    "process probes 1 and 2 in the furnace for 15 min, cool them down in the freezer for 5 min and store them in the drawer again",
+    "process probes 1 and 2 in the furnace for 15 min, cool them down in the freezer for 5 min "
+    "and store them in the drawer again",
     "heat probe 1 for 5 min before storing it, then close the flap",
     "open the drawer and the flap",
 ]
@@ -149,7 +163,11 @@ CONFIGURATIONS = ["0, 90, 0, 0, 0, 0", "arm: 0 deg, 1.5 rad, 0, 0, 0, 10 mm"]
 
 def stl() -> bytes:
     """A triangle in the binary form of STL."""
-    return b"\0" * 80 + struct.pack("<I", 1) + struct.pack("<12fH", *([0.0] * 3), *map(float, range(9)), 0)
+    return (
+        b"\0" * 80
+        + struct.pack("<I", 1)
+        + struct.pack("<12fH", *([0.0] * 3), *map(float, range(9)), 0)
+    )
 
 
 def ply() -> bytes:

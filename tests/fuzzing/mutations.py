@@ -1,4 +1,5 @@
-"""Mutations that know the form of a file: trees of JSON, YAML and XML, the words of a text, the bytes of a binary file.
+"""Mutations that know the form of a file: trees of JSON, YAML and XML, the words of a text, the
+bytes of a binary file.
 
 Everything is drawn from the generator that is handed in, so a case is known by its number.
 """
@@ -19,7 +20,8 @@ ODD_NUMBERS = [
 ]  # fmt: skip
 ODD_TEXTS = [
     "", " ", "\x1b[2J", "\x9b1m", "\u202eabc", "\ud800", "\ufeff", "\U0001f600", "p" * 3000, "\u00e9", "\u2028", "_", "X",
-    "not", "#script (python)", "1..10000000", "f(" * 60 + ")" * 60, "../../etc/passwd", "/dev/zero", "%s%n", "&lt;", "]]>",
+    "not", "#script "
+    "(python)", "1..10000000", "f(" * 60 + ")" * 60, "../../etc/passwd", "/dev/zero", "%s%n", "&lt;", "]]>",
     "<!--", '"', "'", "\\", "*", "@f(1)", "#const k=1000000000.", "${HOME}", "\0",
 ]  # fmt: skip
 SIGNS = list("()[]{},;:.|'\"#<>=!+-*/\\&@%?~`^_ \t\n\r\0")
@@ -73,9 +75,13 @@ def _bytes(chance: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
                 begin = chance.randrange(len(other) + 1)
                 changed[at:at] = other[begin : begin + chance.randrange(64)]
             case 4:
-                changed[at : at + 4] = chance.choice((b"\xff\xff\xff\xff", b"\0\0\0\0", b"\xff\xff\xff\x7f"))
+                changed[at : at + 4] = chance.choice(
+                    (b"\xff\xff\xff\xff", b"\0\0\0\0", b"\xff\xff\xff\x7f")
+                )
             case _:
-                changed[at : at + 8] = chance.choice((b"\0\0\0\0\0\0\xf8\x7f", b"\0\0\0\0\0\0\xf0\x7f"))
+                changed[at : at + 8] = chance.choice(
+                    (b"\0\0\0\0\0\0\xf8\x7f", b"\0\0\0\0\0\0\xf0\x7f")
+                )
     return bytes(changed)
 
 
@@ -85,7 +91,9 @@ def _word(chance: Random, text: str, others: Sequence[bytes]) -> str:
         return text
     word = chance.choice(found)
     known = re.findall(r"\w+", _text(chance.choice(others))) or ["x"]
-    new = chance.choice((chance.choice(known), chance.choice(ODD_NUMBERS), chance.choice(ODD_TEXTS)))
+    new = chance.choice(
+        (chance.choice(known), chance.choice(ODD_NUMBERS), chance.choice(ODD_TEXTS))
+    )
     return text[: word.start()] + new + text[word.end() :]
 
 
@@ -100,7 +108,9 @@ def _number(chance: Random, text: str, others: Sequence[bytes]) -> str:
 def _sign(chance: Random, text: str, _others: Sequence[bytes]) -> str:
     at = chance.randrange(len(text) + 1)
     return (
-        text[:at] + chance.choice(SIGNS) * chance.choice((1, 1, 1, 2, 200)) + text[at + chance.randrange(2) :]
+        text[:at]
+        + chance.choice(SIGNS) * chance.choice((1, 1, 1, 2, 200))
+        + text[at + chance.randrange(2) :]
     )
 
 
@@ -247,7 +257,8 @@ def _xml(chance: Random, text: str, _others: Sequence[bytes]) -> str:
 
 
 XML_HEADS = [
-    f'<?xml version="1.0" encoding="{each}"?>\n' for each in ("utf-7", "latin-1", "x", "UTF-16", "cp037")
+    f'<?xml version="1.0" encoding="{each}"?>\n'
+    for each in ("utf-7", "latin-1", "x", "UTF-16", "cp037")
 ]
 XML_HEADS += [
     '<!DOCTYPE a [<!ENTITY x "y"><!ENTITY z "&x;&x;&x;">]>\n',
@@ -272,7 +283,9 @@ def _change_element(chance: Random, root: ElementTree.Element) -> None:
         case 5:
             here.tag = other.tag
         case _:
-            here.set(chance.choice(("id", "name", "n", "type")), chance.choice([*ODD_NUMBERS, "x", ""]))
+            here.set(
+                chance.choice(("id", "name", "n", "type")), chance.choice([*ODD_NUMBERS, "x", ""])
+            )
 
 
 TREES: dict[str, Mutation] = {"json": _json, "yaml": _yaml, "xml": _xml}

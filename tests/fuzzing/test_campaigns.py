@@ -1,4 +1,6 @@
-"""A campaign that is stopped, or asked for nothing, says so in a sentence, and keeps what it has counted."""
+"""A campaign that is stopped, or asked for nothing, says so in a sentence, and keeps what it
+has counted.
+"""
 
 import sys
 from pathlib import Path

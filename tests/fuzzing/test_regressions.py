@@ -1,4 +1,6 @@
-"""What campaigns of mutated inputs have found stays mended, and some more cases of each reader are tried."""
+"""What campaigns of mutated inputs have found stays mended, and some more cases of each reader
+are tried.
+"""
 
 import json
 from pathlib import Path
@@ -18,7 +20,8 @@ FOUND = {
         json.dumps({**IMAGE, "strength": [[5e-324] * 12] * 10}).encode(),
     ],
     "ranges PCD": [
-        PCD.replace("0 0 1\n", place).encode() for place in ("1e300 0 1\n", "1 0 1e-300\n", "nan 0 1\n")
+        PCD.replace("0 0 1\n", place).encode()
+        for place in ("1e300 0 1\n", "1 0 1e-300\n", "nan 0 1\n")
     ],
     "ranges NPY": [npy(np.full((6, 8), 5e-324)), npy(np.full((6, 8), 1e300))],
     "notation": [b"at(arm, " + b"9" * 5000 + b")"],
@@ -27,7 +30,8 @@ FOUND = {
         b"(define (problem p) (:domain workshop) (:init (= (way bin shelf) "
         + b"9" * 5000
         + b")) (:goal (and)))",
-        "(define (problem p) (:domain workshop) (:init (= (way bin shelf) \u00b2)) (:goal (and)))".encode(),
+        "(define (problem p) (:domain workshop) (:init (= (way bin shelf) \u00b2)) (:goal "
+        "(and)))".encode(),
     ],
     "simulator log": [
         b"[]\n",
@@ -38,7 +42,9 @@ FOUND = {
     ],
     "MACROPs": [
         b'{"version": 1, "macrops": [{"macrop": "a", "domain": "b", "plan": [{"id": 1e400}]}]}',
-        b'{"version": 1, "macrops": [{"macrop": "' + b"(" * 5000 + b'", "domain": "b", "plan": []}]}',
+        b'{"version": 1, "macrops": [{"macrop": "'
+        + b"(" * 5000
+        + b'", "domain": "b", "plan": []}]}',
         b'{"version": 1, "macrops": [{"macrop": "a", "domain": "b", "goals": ["'
         + b"f(" * 5000
         + b'"], "plan": []}]}',
@@ -66,7 +72,9 @@ FOUND = {
         b"v 1e308 0 0\nv -1e308 0 0\nv 0 1 0\nf 1 2 3\n",
         b"v 0 0 0\nv 1 0 0\nv  0 1\nf 1 2 3\n",
     ],
-    "results csv": [b"run,started,at_ms,of,quantity,value,unit,nominal,lower,upper,passed,tool,action\na\n"],
+    "results csv": [
+        b"run,started,at_ms,of,quantity,value,unit,nominal,lower,upper,passed,tool,action\na\n"
+    ],
 }
 """By reader, inputs that once ended in an exception which no reader promises."""
 

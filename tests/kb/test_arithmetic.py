@@ -9,7 +9,9 @@ from cellwright.kb.arithmetic import compare_terms, evaluate_term, order_key
 from cellwright.kb.asp import AspError, ground_term
 from cellwright.kb.terms import Function, Number, Operation, Term, Text, Variable
 
-laws = settings(max_examples=200, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+laws = settings(
+    max_examples=200, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
 LARGEST = 2**31 - 1
 numbers = st.one_of(st.integers(-9, 9), st.integers(-LARGEST, LARGEST)).map(Number)
 names = st.sampled_from(["a", "b", "ab", "slot", "zone"])
@@ -72,18 +74,28 @@ def test_values_are_ordered_as_clingo_orders_symbols(one: Term, other: Term) -> 
 
 @laws
 @given(terms, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), terms)
-def test_a_comparison_is_true_where_clingo_derives_from_it(left: Term, relation: str, right: Term) -> None:
+def test_a_comparison_is_true_where_clingo_derives_from_it(
+    left: Term, relation: str, right: Term
+) -> None:
     control = grounded(f"holds :- {left} {relation} {right}.")
     assert compare_terms(left, relation, right) == bool(len(control.symbolic_atoms))
 
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("7 / -2", -3), ("-7 \\ 2", -1), ("7 \\ -2", 1), (f"{LARGEST} + 1", -LARGEST - 1), ("65536 * 65536", 0)],
+    [
+        ("7 / -2", -3),
+        ("-7 \\ 2", -1),
+        ("7 \\ -2", 1),
+        (f"{LARGEST} + 1", -LARGEST - 1),
+        ("65536 * 65536", 0),
+    ],
 )
 def test_division_rounds_towards_zero_and_sums_wrap_around(text: str, value: int) -> None:
     left, operator, right = text.split()
-    assert evaluate_term(Operation(operator, Number(int(left)), Number(int(right)))) == Number(value)
+    assert evaluate_term(Operation(operator, Number(int(left)), Number(int(right)))) == Number(
+        value
+    )
     assert ground_term(f"{left} {operator} ({right})") == Number(value)
 
 
@@ -91,7 +103,9 @@ def test_division_rounds_towards_zero_and_sums_wrap_around(text: str, value: int
 def test_division_by_zero_has_no_value_wherever_it_stands(operator: str) -> None:
     nothing = Operation(operator, Number(1), Number(0))
     assert evaluate_term(Function("slot", (nothing,))) is None
-    assert not any(compare_terms(nothing, relation, nothing) for relation in ("=", "!=", "<=", ">="))
+    assert not any(
+        compare_terms(nothing, relation, nothing) for relation in ("=", "!=", "<=", ">=")
+    )
 
 
 def test_the_smallest_number_divided_by_minus_one_wraps_where_clingo_dies() -> None:

@@ -1,4 +1,6 @@
-"""One broken file per diagnostic code, and more where a code has several messages: what is printed is golden."""
+"""One broken file per diagnostic code, and more where a code has several messages: what is
+printed is golden.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -33,7 +35,9 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def found_in(folder: Path) -> tuple[Diagnostic, ...]:
-    """What validate, plan --pddl, the readers of other formats or check report of this kind of example."""
+    """What validate, plan --pddl, the readers of other formats or check report of this kind of
+    example.
+    """
     try:
         if (folder / "plan.json").exists():
             problem, plan, claims = load_claimed(folder / "plan.json")
@@ -78,7 +82,9 @@ def test_every_code_has_an_example() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name < "K5"])
-def test_a_message_says_where_what_and_what_to_try(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_message_says_where_what_and_what_to_try(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(DATA)
     for each in found_in(Path(name)):
         assert each.hint
@@ -89,6 +95,8 @@ def test_a_message_says_where_what_and_what_to_try(name: str, monkeypatch: pytes
 
 def test_all_that_is_wrong_is_said_in_one_run(tmp_path: Path) -> None:
     text = (DATA / "K101_unknown_type" / "domain.yaml").read_text()
-    text = text.replace("bolt, nut", "bolt, nut, bolt").replace("adds: at(Item, To)", "adds: at(Item, To")
+    text = text.replace("bolt, nut", "bolt, nut, bolt").replace(
+        "adds: at(Item, To)", "adds: at(Item, To"
+    )
     (tmp_path / "domain.yaml").write_text(text)
     assert {each.code for each in found_in(tmp_path)} == {"K101", "K104", "K106"}

@@ -1,4 +1,6 @@
-"""What a diagnostic prints: its place and a caret under the character, and nothing that a terminal would obey."""
+"""What a diagnostic prints: its place and a caret under the character, and nothing that a
+terminal would obey.
+"""
 
 import unicodedata
 
@@ -14,7 +16,9 @@ from cellwright.kb.diagnostics import (
     unknown_name,
 )
 
-texts = st.text(max_size=60) | st.text(st.sampled_from("a\x1b\x07\x9b\r\n\t\u202e\u2066日 "), max_size=30)
+texts = st.text(max_size=60) | st.text(
+    st.sampled_from("a\x1b\x07\x9b\r\n\t\u202e\u2066日 "), max_size=30
+)
 
 
 def commands_a_terminal(character: str) -> bool:
@@ -39,7 +43,9 @@ def test_what_is_shown_stays_as_it_is(text: str) -> None:
     assert printable_line(text) == text or "\\u" in printable_line(text)
 
 
-@given(st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=40), st.data())
+@given(
+    st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=40), st.data()
+)
 def test_the_caret_stands_under_its_column(line: str, data: st.DataObject) -> None:
     column = data.draw(st.integers(1, len(line)))
     shown = Source("a.yaml", 1, column, line).excerpt()
@@ -49,7 +55,9 @@ def test_the_caret_stands_under_its_column(line: str, data: st.DataObject) -> No
 
 def test_codes_are_a_letter_and_three_digits_in_order() -> None:
     assert list(DIAGNOSTIC_CODES) == sorted(DIAGNOSTIC_CODES)
-    assert all(code[0] == "K" and code[1:].isdigit() and len(code) == 4 for code in DIAGNOSTIC_CODES)
+    assert all(
+        code[0] == "K" and code[1:].isdigit() and len(code) == 4 for code in DIAGNOSTIC_CODES
+    )
 
 
 def test_known_names_of_a_set_are_told_in_one_order() -> None:

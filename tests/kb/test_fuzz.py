@@ -1,4 +1,6 @@
-"""Whatever is in a file, the loader returns or raises `InvalidInput`, and soon: mutated, generated and garbled files."""
+"""Whatever is in a file, the loader returns or raises `InvalidInput`, and soon: mutated,
+generated and garbled files.
+"""
 
 import re
 import shutil
@@ -29,11 +31,15 @@ CELLS = [
     TOP / "engine" / "authoring" / "starter" / "cell",
 ]
 CELLS += sorted(path.parent for path in (TOP / "tests" / "domains").glob("*/domain.yaml"))
-FILES = [path for cell in CELLS for path in sorted(cell.rglob("*")) if path.suffix in (".yaml", ".lp")]
+FILES = [
+    path for cell in CELLS for path in sorted(cell.rglob("*")) if path.suffix in (".yaml", ".lp")
+]
 FILES = [path for path in FILES if "golden" not in path.parts]
 SECONDS = 5.0
 
-quick = settings(max_examples=10, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+quick = settings(
+    max_examples=10, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
 slow = settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
 
 SPICE = [
@@ -178,7 +184,9 @@ def _repeat_line(draw: st.DrawFn, text: str) -> str:
 def _indent(draw: st.DrawFn, text: str) -> str:
     lines = text.split("\n")
     at = draw(st.integers(0, len(lines) - 1))
-    lines[at] = " " * draw(st.integers(1, 4)) + lines[at] if draw(st.booleans()) else lines[at].lstrip()
+    lines[at] = (
+        " " * draw(st.integers(1, 4)) + lines[at] if draw(st.booleans()) else lines[at].lstrip()
+    )
     return "\n".join(lines)
 
 
@@ -193,7 +201,11 @@ def mutations_are_answered(data: st.DataObject, folder: Path) -> None:
     target = copy / original.relative_to(cell)
     target.write_text(data.draw(mutated(original.read_text("utf-8"))), "utf-8")
     problems = sorted((copy / "problems").glob("*.yaml"))
-    asked = target if target in problems else data.draw(st.sampled_from([copy / "domain.yaml", *problems]))
+    asked = (
+        target
+        if target in problems
+        else data.draw(st.sampled_from([copy / "domain.yaml", *problems]))
+    )
     with answered_soon():
         load(asked)
 
@@ -204,10 +216,22 @@ atoms = st.builds(
 garbled = st.lists(atoms | pieces | words, max_size=12).map(" ".join)
 values = st.recursive(
     st.none() | st.integers() | st.booleans() | atoms | garbled | words,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(atoms | words | garbled, inner, max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(atoms | words | garbled, inner, max_size=3)
+    ),
     max_leaves=8,
 )
-KEYS = ["types", "functions", "objects", "statics", "derived", "fluents", "events", "defaults", "operators"]
+KEYS = [
+    "types",
+    "functions",
+    "objects",
+    "statics",
+    "derived",
+    "fluents",
+    "events",
+    "defaults",
+    "operators",
+]
 KEYS += [
     "deductive_operators",
     "commands",
@@ -231,11 +255,25 @@ FIELDS = [
     "cost",
     "command",
 ]
-FIELDS += ["when", "implies", "denies", "stages", "for", "after", "say", "goal", "stage", "name", "subject"]
+FIELDS += [
+    "when",
+    "implies",
+    "denies",
+    "stages",
+    "for",
+    "after",
+    "say",
+    "goal",
+    "stage",
+    "name",
+    "subject",
+]
 shaped = (
     values
     | st.dictionaries(
-        atoms | words, st.just({}) | st.dictionaries(st.sampled_from(FIELDS), values, max_size=4), max_size=3
+        atoms | words,
+        st.just({}) | st.dictionaries(st.sampled_from(FIELDS), values, max_size=4),
+        max_size=3,
     )
     | st.lists(st.dictionaries(st.sampled_from(FIELDS), atoms | values, max_size=4), max_size=3)
 )
@@ -260,7 +298,9 @@ def generated_yaml_is_answered(data: st.DataObject, folder: Path) -> None:
 
 bodies = st.lists(atoms | atoms.map("not {}".format) | garbled, max_size=4).map(", ".join)
 rules = (
-    st.builds("{} :- {}.".format, atoms | garbled | st.just(""), bodies) | atoms.map("{}.".format) | garbled
+    st.builds("{} :- {}.".format, atoms | garbled | st.just(""), bodies)
+    | atoms.map("{}.".format)
+    | garbled
 )
 programs = st.lists(rules, max_size=6).map("\n".join)
 

@@ -1,4 +1,6 @@
-"""Domain files are data: whatever is in them, the loader answers with a domain or with diagnostics, and soon."""
+"""Domain files are data: whatever is in them, the loader answers with a domain or with
+diagnostics, and soon.
+"""
 
 import os
 import re
@@ -124,19 +126,24 @@ def test_a_file_that_is_no_domain(cell: Path, content: str) -> None:
 
 
 def test_an_alias_bomb(cell: Path) -> None:
-    bomb = "a0: &a0 [x, x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 60))
+    bomb = "a0: &a0 [x, x]\n" + "".join(
+        f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 60)
+    )
     (cell / "domain.yaml").write_text(bomb)
     assert "K004" in codes(cell / "domain.yaml")
 
 
-@pytest.mark.parametrize("nested", ["[" * 10_000, "{a: " * 10_000, "- " * 10_000 + "x", "[" * 10**6])
+@pytest.mark.parametrize(
+    "nested", ["[" * 10_000, "{a: " * 10_000, "- " * 10_000 + "x", "[" * 10**6]
+)
 def test_deep_nesting_of_yaml(cell: Path, nested: str) -> None:
     (cell / "domain.yaml").write_text("domain: cell\ntypes: \n  " + nested)
     assert codes(cell / "domain.yaml") & {"K002", "K007"}
 
 
 @pytest.mark.parametrize(
-    "old", ["where: heavy(Item)", "adds: seen(Item)", "heavy(item): {}", "look(Item):", "domain: cell"]
+    "old",
+    ["where: heavy(Item)", "adds: seen(Item)", "heavy(item): {}", "look(Item):", "domain: cell"],
 )
 @pytest.mark.parametrize("depth", [60, 10_000, 1_000_000])
 def test_deep_terms_in_yaml(cell: Path, old: str, depth: int) -> None:
@@ -159,7 +166,8 @@ def test_deep_terms_are_refused_by_the_parser(start: str, depth: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["f(" * 10**5 + "a" + ")" * 10**5, "1" + "+1" * 10**5, "p(é)", "p(\0)", "p(99999999999)"]
+    "text",
+    ["f(" * 10**5 + "a" + ")" * 10**5, "1" + "+1" * 10**5, "p(é)", "p(\0)", "p(99999999999)"],
 )
 def test_terms_that_clingo_cannot_be_trusted_with(text: str) -> None:
     with pytest.raises(AspError):
@@ -225,7 +233,9 @@ def test_links_in_a_circle(cell: Path) -> None:
     assert codes(cell / "domain.yaml") == {"K203"}
 
 
-@pytest.mark.parametrize("name", ["'a\\0b'", '"a\\0b"', "x" * 5000, "''", ".", "inside", "rules.lp/x"])
+@pytest.mark.parametrize(
+    "name", ["'a\\0b'", '"a\\0b"', "x" * 5000, "''", ".", "inside", "rules.lp/x"]
+)
 def test_strange_names_of_includes(cell: Path, name: str) -> None:
     write(cell, DOMAIN.replace("rules.lp", name))
     assert codes(cell / "domain.yaml") & {"K203", "K004", "K005"}
@@ -302,7 +312,10 @@ def test_a_line_of_a_megabyte_does_not_slow_its_messages(cell: Path) -> None:
 
 def test_a_workflow_of_a_billion_chains(cell: Path) -> None:
     many = "".join(f"      V{n}: [i1..1000]\n" for n in range(3))
-    text = f"problem: all\ndomain: cell\nobjects:\n  item: [i1..1000]\nworkflow:\n  - for:\n{many}    stages: seen(V0), seen(V1), seen(V2)\n"
+    text = (
+        f"problem: all\ndomain: cell\nobjects:\n  item: [i1..1000]\nworkflow:\n  - for:\n{many} "
+        "   stages: seen(V0), seen(V1), seen(V2)\n"
+    )
     write(cell, DOMAIN, "heavy(bolt).\n", text)
     assert codes(cell / "problem.yaml") == {"K007"}
 
@@ -313,7 +326,9 @@ def test_a_long_chain_of_rules_takes_linear_time(cell: Path) -> None:
     assert codes(cell / "domain.yaml") == {"K108"}
 
 
-@pytest.mark.parametrize("domain", ["/dev/zero", "..", "a\\0b", "x" * 5000, "/", "''", "problem.yaml"])
+@pytest.mark.parametrize(
+    "domain", ["/dev/zero", "..", "a\\0b", "x" * 5000, "/", "''", "problem.yaml"]
+)
 def test_a_problem_of_a_strange_domain(cell: Path, domain: str) -> None:
     write(cell, DOMAIN, problem=PROBLEM.replace("domain: cell", f"domain: {domain}"))
     assert codes(cell / "problem.yaml")
@@ -373,7 +388,18 @@ PLAN = """{"version": 1, "status": "found", "data": {"plan": {
 "steps": [{"id": 1, "operator": "press_switch(closed, open)", "after": [], "duration": 3, "cost": 1}],
 "links": [{"producer": 0, "condition": "free(mars_gripper)", "consumer": 1}]}}}
 """
-KEYS = ["id", "operator", "after", "duration", "cost", "producer", "condition", "consumer", "domain", "goals"]
+KEYS = [
+    "id",
+    "operator",
+    "after",
+    "duration",
+    "cost",
+    "producer",
+    "condition",
+    "consumer",
+    "domain",
+    "goals",
+]
 STRANGE = [
     "1.0",
     '"1_0"',
@@ -394,7 +420,10 @@ STRANGE = [
 def test_plan_files_are_answered(key: str, tmp_path: Path) -> None:
     for value in STRANGE:
         text = re.sub(
-            rf'"{key}": ("[^"]*"|\[[^]]*\]|[0-9]+)', f'"{key}": {value}'.replace("\\", "\\\\"), PLAN, count=1
+            rf'"{key}": ("[^"]*"|\[[^]]*\]|[0-9]+)',
+            f'"{key}": {value}'.replace("\\", "\\\\"),
+            PLAN,
+            count=1,
         )
         assert text != PLAN
         (tmp_path / "plan.json").write_text(text, "utf-8")

@@ -6,7 +6,10 @@ import sys
 
 def test_the_light_modules_load_nothing_heavy() -> None:
     heavy = "('pydantic', 'lark', 'clingo', 'networkx', 'numpy', 'yaml')"
-    light = "cellwright.kb.diagnostics, cellwright.kb.terms, cellwright.kb.model.domain_model, cellwright.kb.model.planning_problem, cellwright.kb.model.plan_model"
+    light = (
+        "cellwright.kb.diagnostics, cellwright.kb.terms, cellwright.kb.model.domain_model, "
+        "cellwright.kb.model.planning_problem, cellwright.kb.model.plan_model"
+    )
     code = f"import sys, {light}; print([name for name in {heavy} if name in sys.modules])"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == "[]"
@@ -14,7 +17,13 @@ def test_the_light_modules_load_nothing_heavy() -> None:
 
 def test_a_domain_loads_its_conventions_when_it_is_asked_for_them() -> None:
     """Tasks in PDDL ask for none."""
-    code = "import sys, cellwright.kb.model.domain_model as d; print('cellwright.kb.model.name_conventions' in sys.modules)"
-    code += "; d.Domain('cell').conventions; print('cellwright.kb.model.name_conventions' in sys.modules)"
+    code = (
+        "import sys, cellwright.kb.model.domain_model as d; "
+        "print('cellwright.kb.model.name_conventions' in sys.modules)"
+    )
+    code += (
+        "; d.Domain('cell').conventions; print('cellwright.kb.model.name_conventions' in "
+        "sys.modules)"
+    )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.split() == ["False", "True"]

@@ -1,4 +1,6 @@
-"""A file that is JSON has the tree that YAML gives it, places included; what is not plainly JSON is left to YAML."""
+"""A file that is JSON has the tree that YAML gives it, places included; what is not plainly
+JSON is left to YAML.
+"""
 
 import json
 from typing import Any
@@ -42,7 +44,9 @@ def test_a_tree_is_that_of_yaml(content: dict[str, Any], form: dict[str, Any]) -
         assert quick == composed(file)
 
 
-@given(st.text(st.sampled_from('{}[]",: \n\t-1.e+atrue\\#"'), max_size=14).map(lambda text: "{" + text))
+@given(
+    st.text(st.sampled_from('{}[]",: \n\t-1.e+atrue\\#"'), max_size=14).map(lambda text: "{" + text)
+)
 def test_a_text_like_json_is_read_as_yaml_reads_it(text: str) -> None:
     file = File.of("file", text)
     quick = json_tree(file, MAX_NODES)
@@ -52,7 +56,8 @@ def test_a_text_like_json_is_read_as_yaml_reads_it(text: str) -> None:
 
 def test_an_answer_is_plainly_json() -> None:
     text = json.dumps(
-        {"version": 1, "data": {"steps": [{"id": 1, "operator": 'say("a")', "after": []}]}}, indent=1
+        {"version": 1, "data": {"steps": [{"id": 1, "operator": 'say("a")', "after": []}]}},
+        indent=1,
     )
     assert json_tree(File.of("file", text), MAX_NODES) == composed(File.of("file", text))
 

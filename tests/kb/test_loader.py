@@ -1,4 +1,6 @@
-"""What the loader makes of files: types inferred, conditions in scope, names, ranges, and places in files."""
+"""What the loader makes of files: types inferred, conditions in scope, names, ranges, and
+places in files.
+"""
 
 from pathlib import Path
 
@@ -152,7 +154,10 @@ def test_ranges_are_written_out(tmp_path: Path) -> None:
 
 
 def test_times_count_the_unit_of_the_domain(tmp_path: Path) -> None:
-    text = "domain: d\nunits: {time: UNIT}\nfluents:\n  f: {}\noperators:\n  o:\n    adds: f\n    duration: 1.5 h\n"
+    text = (
+        "domain: d\nunits: {time: UNIT}\nfluents:\n  f: {}\noperators:\n  o:\n    adds: f\n    "
+        "duration: 1.5 h\n"
+    )
     for unit, count in (("ms", 5_400_000), ("s", 5400), ("min", 90)):
         (tmp_path / "domain.yaml").write_text(text.replace("UNIT", unit))
         assert str(load(tmp_path / "domain.yaml").domain.operators[0].duration) == str(count)
@@ -178,7 +183,9 @@ def test_some_and_none(tmp_path: Path) -> None:
     assert isinstance(some.part, Literal)
 
 
-@given(st.text(st.characters(codec="ascii", exclude_categories=["Cc"]) | st.just("\n"), max_size=40))
+@given(
+    st.text(st.characters(codec="ascii", exclude_categories=["Cc"]) | st.just("\n"), max_size=40)
+)
 def test_a_place_in_a_quoted_text_is_that_of_the_same_character(text: str) -> None:
     written = "key: '" + text.replace("'", "").replace("\n", "\n\n  ") + "'\n"
     root, _ = read_tree(File.of("file", written))
@@ -194,7 +201,9 @@ names = st.from_regex(r"[a-z][A-Za-z0-9_]{0,6}", fullmatch=True)
 
 
 @given(
-    st.recursive(names, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(names, inner, max_size=3))
+    st.recursive(
+        names, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(names, inner, max_size=3)
+    )
 )
 def test_the_tree_of_a_file_is_what_was_written(content: object) -> None:
     root, found = read_tree(File.of("file", yaml.safe_dump({"top": content})))
@@ -216,7 +225,9 @@ def test_a_caret_follows_tabs_and_wide_letters() -> None:
 
 
 def test_a_message_has_place_severity_code_line_caret_and_hint() -> None:
-    text = str(Diagnostic(Source("f.yaml", 3, 5, "    at(X)"), "K101", "unknown", "try this", warning=True))
+    text = str(
+        Diagnostic(Source("f.yaml", 3, 5, "    at(X)"), "K101", "unknown", "try this", warning=True)
+    )
     assert text == "f.yaml:3:5: warning K101: unknown\n        at(X)\n        ^\n  try: try this"
 
 
@@ -273,8 +284,13 @@ def test_a_rule_over_fluents_may_count(tmp_path: Path) -> None:
 
 
 def test_an_aggregate_knows_its_variables_and_what_it_counts(tmp_path: Path) -> None:
-    where = '    where: "weight(Item, W), #count { J, \\"K\\" : weight(J, W), not shelf(J) } == N, N < 3"\n'
-    made = domain(tmp_path, f"  wash(Item):\n{where}    preconditions: at(Item, _)\n    adds: clean(Item)\n")
+    where = (
+        '    where: "weight(Item, W), #count { J, \\"K\\" : weight(J, W), not shelf(J) } == N, '
+        'N < 3"\n'
+    )
+    made = domain(
+        tmp_path, f"  wash(Item):\n{where}    preconditions: at(Item, _)\n    adds: clean(Item)\n"
+    )
     (aggregate,) = (part for part in made.operators[0].body if isinstance(part, Aggregate))
     assert aggregate.uses == (("weight", 2), ("shelf", 1))
     assert aggregate.binds == Variable("N")
@@ -283,7 +299,9 @@ def test_an_aggregate_knows_its_variables_and_what_it_counts(tmp_path: Path) -> 
 
 def test_computed_values_inside_atoms_get_names_and_nothing_else_changes(tmp_path: Path) -> None:
     where = "    where: weight(Item, W), weight(_, W + 1), not weight(Item, W * 2), W < 3 - 1\n"
-    made = domain(tmp_path, f"  wash(Item):\n{where}    preconditions: at(Item, _)\n    adds: clean(Item)\n")
+    made = domain(
+        tmp_path, f"  wash(Item):\n{where}    preconditions: at(Item, _)\n    adds: clean(Item)\n"
+    )
     assert [str(part) for part in made.operators[0].body] == [
         "weight(Item, W)",
         "weight(_, _Value__1)",

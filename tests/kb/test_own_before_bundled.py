@@ -1,4 +1,6 @@
-"""What lies in the working folder comes before what is bundled, and is told when it cannot be read."""
+"""What lies in the working folder comes before what is bundled, and is told when it cannot be
+read.
+"""
 
 import shutil
 from pathlib import Path
@@ -21,7 +23,10 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_problem_of_the_own_domain_is_found(own: Path) -> None:
-    assert find_target("bulkhead/one_point").resolve() == (own / "problems" / "one_point.yaml").resolve()
+    assert (
+        find_target("bulkhead/one_point").resolve()
+        == (own / "problems" / "one_point.yaml").resolve()
+    )
     (own / "problems" / "one_point.yaml").unlink()
     with pytest.raises(InvalidInput, match=r"K401.*has no such problem"):
         find_target("bulkhead/one_point")
@@ -59,7 +64,9 @@ def test_a_file_beside_the_domain_that_leads_nowhere_is_told(own: Path, name: st
 
 
 @pytest.mark.parametrize("key", ["model", "urdf"])
-@pytest.mark.parametrize("name", ["/etc/passwd", "../secret.yaml", "inside/../../secret.yaml", "link.yaml"])
+@pytest.mark.parametrize(
+    "name", ["/etc/passwd", "../secret.yaml", "inside/../../secret.yaml", "link.yaml"]
+)
 def test_a_cell_reads_nothing_outside_its_folder(tmp_path: Path, key: str, name: str) -> None:
     (tmp_path / "cell").mkdir()
     (tmp_path / "secret.yaml").write_text("password: 12345\n")

@@ -69,7 +69,10 @@ def test_facts_goals_and_steps_are_plain() -> None:
     assert plain_terms("position(m1, 64262, -135111, 0)") == (
         Function("position", (Function("m1"), Number(64262), Number(-135111), Number(0))),
     )
-    assert plain_terms("p(_, X), q") == (Function("p", (Variable("_"), Variable("X"))), Function("q"))
+    assert plain_terms("p(_, X), q") == (
+        Function("p", (Variable("_"), Variable("X"))),
+        Function("q"),
+    )
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,9 @@ leaves = st.one_of(
     st.sampled_from("XYZ").map(Variable),
 )
 terms = st.recursive(
-    leaves, lambda inner: st.builds(Function, st.sampled_from("fg"), st.tuples(inner, inner)), max_leaves=6
+    leaves,
+    lambda inner: st.builds(Function, st.sampled_from("fg"), st.tuples(inner, inner)),
+    max_leaves=6,
 )
 ground_terms = terms.filter(is_ground)
 sums = st.recursive(
@@ -46,7 +48,9 @@ sums = st.recursive(
         st.sampled_from([Variable(name) for name in "XYZ"]), ground_terms, min_size=3, max_size=3
     ),
 )
-def test_a_pattern_matches_each_of_its_instances(pattern: Term, bindings: dict[Variable, Term]) -> None:
+def test_a_pattern_matches_each_of_its_instances(
+    pattern: Term, bindings: dict[Variable, Term]
+) -> None:
     instance = substitute_term(pattern, bindings)
     found = match_term(pattern, instance, {})
     assert found is not None

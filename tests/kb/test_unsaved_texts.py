@@ -13,7 +13,9 @@ from cellwright.kb.loader import load
 
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(Path(__file__).parent / "editing" / "laboratory", tmp_path / "themse"))
+    return Path(
+        shutil.copytree(Path(__file__).parent / "editing" / "laboratory", tmp_path / "themse")
+    )
 
 
 def test_what_is_not_saved_is_read_and_what_was_read_is_noted(cell: Path) -> None:
@@ -22,15 +24,25 @@ def test_what_is_not_saved_is_read_and_what_was_read_is_noted(cell: Path) -> Non
     with read_unsaved({str(domain): text}) as desk:
         loaded = load(problem)
     assert "fridge" in loaded.domain.objects
-    assert list(desk.read) == [str(problem), str(domain), str(cell / "rules.lp"), str(cell / "sensors.lp")]
+    assert list(desk.read) == [
+        str(problem),
+        str(domain),
+        str(cell / "rules.lp"),
+        str(cell / "sensors.lp"),
+    ]
     assert "fridge" not in load(problem).domain.objects
 
 
-def test_a_file_that_is_only_in_the_editor_is_found(cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_is_only_in_the_editor_is_found(
+    cell: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(cell)
     domain = Path("domain.yaml")
     text = domain.read_text().replace("[rules.lp,", "[rules.lp, more.lp,")
-    texts = {str(cell / "domain.yaml"): text, str(cell / "more.lp"): "fits(L, mars_gripper) :- lid(L).\n"}
+    texts = {
+        str(cell / "domain.yaml"): text,
+        str(cell / "more.lp"): "fits(L, mars_gripper) :- lid(L).\n",
+    }
     with read_unsaved(texts):
         assert any(each.text.startswith("fits(L,mars") for each in load(domain).domain.asp)
     with read_unsaved({str(cell / "domain.yaml"): text}), pytest.raises(InvalidInput, match="K203"):
@@ -49,6 +61,10 @@ def test_the_domain_of_a_problem_goes_by_the_name_in_the_editor(cell: Path) -> N
 
 def test_a_text_is_as_little_trusted_as_a_file(cell: Path) -> None:
     domain = cell / "domain.yaml"
-    for text, code in (("domain: d\x07\n", "K001"), ("a" * 70_000_000, "K007"), ("domain: \ud800\n", "K001")):
+    for text, code in (
+        ("domain: d\x07\n", "K001"),
+        ("a" * 70_000_000, "K007"),
+        ("domain: \ud800\n", "K001"),
+    ):
         with read_unsaved({os.path.abspath(domain): text}), pytest.raises(InvalidInput, match=code):
             load(domain)

@@ -11,7 +11,8 @@ from cellwright.kb.model.planning_problem import Problem
 
 
 def needless(problem: Problem, plan: Plan, most: int) -> tuple[str, ...]:
-    """The first set of at most so many steps without which the checker accepts the others, one after another; else nothing.
+    """The first set of at most so many steps without which the checker accepts the others, one
+    after another; else nothing.
 
     The plan itself has to be accepted in this way.
     """
@@ -28,5 +29,7 @@ def needless(problem: Problem, plan: Plan, most: int) -> tuple[str, ...]:
 def one_by_one(steps: Sequence[Step]) -> Plan:
     """The steps in their order, each after the one before it."""
     return Plan(
-        tuple(replace(step, id=n, after=(n - 1,) if n > 1 else ()) for n, step in enumerate(steps, 1))
+        tuple(
+            replace(step, id=n, after=(n - 1,) if n > 1 else ()) for n, step in enumerate(steps, 1)
+        )
     )

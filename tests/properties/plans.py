@@ -1,4 +1,6 @@
-"""Random plans for random problems: executable sequences in which orders, resources and links are drawn."""
+"""Random plans for random problems: executable sequences in which orders, resources and links
+are drawn.
+"""
 
 import dataclasses
 
@@ -18,7 +20,9 @@ ATOMS = (*(Function(name, (each,)) for name in ("p", "q") for each in CONSTANTS)
 
 @st.composite
 def posed(draw: st.DrawFn) -> tuple[Problem, Plan]:
-    """A problem with a plan for it: an executable sequence in which orders, resources and links are drawn."""
+    """A problem with a plan for it: an executable sequence in which orders, resources and links
+    are drawn.
+    """
     problem = draw(FAMILIES)
     semantics = Semantics(problem)
     state = semantics.initial()
@@ -31,7 +35,10 @@ def posed(draw: st.DrawFn) -> tuple[Problem, Plan]:
         steps.append(_step(draw, semantics, number + 1, operator))
     links = draw(st.lists(_links(len(steps)), max_size=2, unique=True))
     goal = And(
-        tuple(Literal(each, each in state) for each in draw(st.lists(st.sampled_from(ATOMS), max_size=2)))
+        tuple(
+            Literal(each, each in state)
+            for each in draw(st.lists(st.sampled_from(ATOMS), max_size=2))
+        )
     )
     return dataclasses.replace(problem, goal=goal), Plan(tuple(steps), tuple(links))
 

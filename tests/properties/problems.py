@@ -1,6 +1,7 @@
 """Random small problems, and brute force over the domain's own meaning.
 
-Strategies are made once for each choice of terms: hypothesis looks a new one through before it draws from it.
+Strategies are made once for each choice of terms: hypothesis looks a new one through before it
+draws from it.
 """
 
 import functools
@@ -83,7 +84,9 @@ def conditions(terms: tuple[Term, ...], derived: bool = True) -> st.SearchStrate
 def resources(with_argument: bool) -> st.SearchStrategy[list[Term]]:
     """What a step may hold: an arm, an oven, a thing, or what its operator is applied to."""
     named: list[Term] = [Function("arm"), Function("oven"), Function("a")]
-    return st.lists(st.sampled_from([*named, *([X] if with_argument else [])]), max_size=2, unique=True)
+    return st.lists(
+        st.sampled_from([*named, *([X] if with_argument else [])]), max_size=2, unique=True
+    )
 
 
 CONSTANTS: tuple[Term, ...] = tuple(Function(name) for name in OBJECTS)
@@ -95,7 +98,8 @@ def operators(draw: st.DrawFn, name: str, conditional: bool) -> Operator:
     parameters = draw(st.sampled_from([(), ONE_X]))
     terms = (*CONSTANTS, *((X,) if parameters else ()))
     effects = [
-        Effect(a, True) for a in draw(st.lists(atoms(terms), min_size=0 if conditional else 1, max_size=2))
+        Effect(a, True)
+        for a in draw(st.lists(atoms(terms), min_size=0 if conditional else 1, max_size=2))
     ]
     effects += [Effect(a, False) for a in draw(st.lists(atoms(terms), max_size=2))]
     if conditional:
@@ -105,7 +109,9 @@ def operators(draw: st.DrawFn, name: str, conditional: bool) -> Operator:
             when = And(tuple(draw(st.lists(literals(inner), min_size=1, max_size=2))))
             effects.append(Effect(draw(atoms(inner)), draw(st.booleans()), local, when))
     held = tuple(draw(resources(X in terms)))
-    return Operator(name, parameters, draw(conditions(terms)), tuple(effects), resources=held, cost=None)
+    return Operator(
+        name, parameters, draw(conditions(terms)), tuple(effects), resources=held, cost=None
+    )
 
 
 @functools.cache
@@ -114,11 +120,14 @@ def rules(draw: st.DrawFn) -> tuple[Rule, ...]:
     """Stratified rules: `d` over fluents and itself, `e` over fluents and `d`."""
     body = st.lists(literals((X,)), min_size=1, max_size=2)
     thing = Literal(Function("thing", (X,)))
-    found = [Rule(Function("d", (X,)), (thing, *parts)) for parts in draw(st.lists(body, max_size=2))]
+    found = [
+        Rule(Function("d", (X,)), (thing, *parts)) for parts in draw(st.lists(body, max_size=2))
+    ]
     if draw(st.booleans()):
         found.append(
             Rule(
-                Function("d", (X,)), (thing, Literal(Function("d", (Function("a"),))), Literal(Function("r")))
+                Function("d", (X,)),
+                (thing, Literal(Function("d", (Function("a"),))), Literal(Function("r"))),
             )
         )
     more = st.lists(literals((Function("a"),), derived=False), max_size=1)
@@ -145,7 +154,9 @@ def deductive_operators(draw: st.DrawFn) -> tuple[DeductiveOperator, ...]:
 
 @st.composite
 def problems(draw: st.DrawFn, conditional: bool = False, deductive: bool = False) -> Problem:
-    """Two things, five fluents, up to three operators, derived predicates; a whole initial state."""
+    """Two things, five fluents, up to three operators, derived predicates; a whole initial
+    state.
+    """
     count = draw(st.integers(1, 3))
     made = tuple(draw(operators(f"o{number}", conditional)) for number in range(count))
     domain = Domain(
@@ -159,10 +170,14 @@ def problems(draw: st.DrawFn, conditional: bool = False, deductive: bool = False
     )
     everything = [Function(n, (c,)) for n in ("p", "q") for c in CONSTANTS] + [Function("r")]
     initial = tuple(atom for atom in everything if draw(st.booleans()))
-    return Problem("random", domain, initial=initial, goal=draw(conditions(CONSTANTS)), complete=True)
+    return Problem(
+        "random", domain, initial=initial, goal=draw(conditions(CONSTANTS)), complete=True
+    )
 
 
-def successors(semantics: Semantics, problem: Problem, state: State) -> Iterator[tuple[Function, State]]:
+def successors(
+    semantics: Semantics, problem: Problem, state: State
+) -> Iterator[tuple[Function, State]]:
     """Every applicable operator instance with the state that follows."""
     facts = semantics.facts(state)
     for operator in problem.domain.operators:

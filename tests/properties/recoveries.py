@@ -1,4 +1,6 @@
-"""Whole cases in a simulated true world: an exception, its hidden cause, tests and repairs, and the recovery carried out."""
+"""Whole cases in a simulated true world: an exception, its hidden cause, tests and repairs, and
+the recovery carried out.
+"""
 
 import functools
 import random
@@ -6,7 +8,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.troubleshooting import Action, CaseAdvice, CaseDiagnosis, CaseHypothesis
+from cellwright.engine.model.troubleshooting import (
+    Action,
+    CaseAdvice,
+    CaseDiagnosis,
+    CaseHypothesis,
+)
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.pipelines.planning.restrictions import forbid_steps
 from cellwright.engine.pipelines.recovery.case_beliefs import CaseBeliefs
@@ -89,7 +96,9 @@ def case(
     """One case, tests and repairs carried out in the true world."""
     done = [each.id for each in given.plan.steps[: given.plan.steps.index(step)]]
     then = exception_moment(given.problem, step.operator, given.plan, done)
-    asked = CaseSettings(given.model, exception, step.operator, objective, expansions=2_000, setup=False)
+    asked = CaseSettings(
+        given.model, exception, step.operator, objective, expansions=2_000, setup=False
+    )
     desk = case_from_settings(asked, given.problem.domain, then)
     beliefs = desk.beliefs
     assert isinstance(beliefs, CaseBeliefs)
@@ -107,7 +116,9 @@ def case(
 
 
 def carried_out(ended: Ended, recovery: RecoveryResult) -> str:
-    """What goes wrong when the recovery is carried out in the true world; nothing if it reaches what it promises."""
+    """What goes wrong when the recovery is carried out in the true world; nothing if it reaches
+    what it promises.
+    """
     if not isinstance(recovery.outcome, Found):
         return ""
     if recovery.repair is not None:
@@ -119,7 +130,9 @@ def carried_out(ended: Ended, recovery: RecoveryResult) -> str:
 
 
 def within_reach(ended: Ended, recovery: RecoveryResult) -> Iterator[str]:
-    """The goals given up that could be reached from the true state beside the causes that are still there."""
+    """The goals given up that could be reached from the true state beside the causes that are
+    still there.
+    """
     world, problem = ended.world, ended.work.problem
     lost = {str(term) for cause in world.present for term in world.cell.lost(cause)}
     if world.helped:
@@ -127,11 +140,15 @@ def within_reach(ended: Ended, recovery: RecoveryResult) -> Iterator[str]:
     blocked = [step for cause in world.present for step in world.cell.blocked(cause)]
     left = remaining_problem(problem, world.state.reached, world.state.facts)
     given_up = {
-        each.goal for each in recovery.given_up if not each.why.startswith(("it comes after", "not tog"))
+        each.goal
+        for each in recovery.given_up
+        if not each.why.startswith(("it comes after", "not tog"))
     }
     wanted = [(str(part), part, ()) for part in goal_parts(left.goal)]
     for chain in left.chains:
-        cuts = (replace(chain, stages=chain.stages[: n + 1], after=()) for n in range(len(chain.stages)))
+        cuts = (
+            replace(chain, stages=chain.stages[: n + 1], after=()) for n in range(len(chain.stages))
+        )
         wanted += [(f"{cut.stages[-1]} of {chain.name}", ALWAYS_TRUE, (cut,)) for cut in cuts]
     for name, goal, chains in wanted:
         if name in given_up:
@@ -146,7 +163,9 @@ def missing(ended: Ended, recovery: RecoveryResult) -> Iterator[str]:
     given_up = [each.goal for each in recovery.given_up]
     facts = world.cell.dynamics.semantics.facts(world.state.facts)
     parts = problem.goal.parts if isinstance(problem.goal, And) else (problem.goal,)
-    yield from (str(p) for p in parts if not condition_holds(p, facts, {}) and str(p) not in given_up)
+    yield from (
+        str(p) for p in parts if not condition_holds(p, facts, {}) and str(p) not in given_up
+    )
     for chain in problem.chains:
         left = chain.stages[world.state.reached[chain.name] :]
         yield from (str(s) for s in left if f"{s} of {chain.name}" not in given_up)
@@ -158,7 +177,9 @@ def missing(ended: Ended, recovery: RecoveryResult) -> Iterator[str]:
 
 
 def random_work(seed: int) -> Work:
-    """Work at the bulkhead cell with a fault base that nobody would write: causes change, lose and block anything."""
+    """Work at the bulkhead cell with a fault base that nobody would write: causes change, lose
+    and block anything.
+    """
     given, draw = work("bulkhead/both_tools"), random.Random(seed)
     atoms = [a for a in ground(given.problem).atoms if a.name in given.problem.domain.predicates]
     names = [f"cause_{n}" for n in range(draw.randint(2, 5))]
@@ -171,7 +192,9 @@ def random_work(seed: int) -> Work:
     tests = {f"test_{name}": _test(f"test_{name}", name, atoms, draw) for name in names}
     repairs = {f"mend_{name}": _repair(f"mend_{name}", name, atoms, draw) for name in names}
     return Work(
-        given.problem, given.plan, FaultModel("bulkhead", {"trouble": exception}, causes, tests, repairs)
+        given.problem,
+        given.plan,
+        FaultModel("bulkhead", {"trouble": exception}, causes, tests, repairs),
     )
 
 
@@ -180,7 +203,9 @@ def _some(atoms: Sequence[Atom], most: int, draw: random.Random) -> tuple[Atom, 
 
 
 def _cause(name: str, atoms: Sequence[Atom], draw: random.Random) -> Cause:
-    loses = tuple(map(Function, draw.sample(["us_probe", "slra", "t3_746"], draw.choice([0, 0, 0, 1]))))
+    loses = tuple(
+        map(Function, draw.sample(["us_probe", "slra", "t3_746"], draw.choice([0, 0, 0, 1])))
+    )
     spoils = (Function("measured", (ANYTHING,) * 3),) if draw.random() < 0.3 else ()
     blocks = draw.choice([None, None, (), (Function("move", (ANYTHING,) * 3),)])
     said = _some(atoms, 1, draw), _some(atoms, 2, draw), _some(atoms, 2, draw)
@@ -190,9 +215,16 @@ def _cause(name: str, atoms: Sequence[Atom], draw: random.Random) -> Cause:
 
 def _test(name: str, cause: str, atoms: Sequence[Atom], draw: random.Random) -> FaultTest:
     needs = _some([a for a in atoms if a.name in ("at", "holding")], 1, draw)
-    return FaultTest(name, "", draw.randint(1, 9), ("no", "yes"), "no", {cause: {"yes": 1.0}}, needs)
+    return FaultTest(
+        name, "", draw.randint(1, 9), ("no", "yes"), "no", {cause: {"yes": 1.0}}, needs
+    )
 
 
 def _repair(name: str, cause: str, atoms: Sequence[Atom], draw: random.Random) -> Repair:
-    cures, needs = {cause: draw.choice([1.0, 0.5])}, _some([a for a in atoms if a.name == "at"], 1, draw)
-    return Repair(name, "", draw.randint(1, 9), cures, needs, _some(atoms, 2, draw), _some(atoms, 1, draw))
+    cures, needs = (
+        {cause: draw.choice([1.0, 0.5])},
+        _some([a for a in atoms if a.name == "at"], 1, draw),
+    )
+    return Repair(
+        name, "", draw.randint(1, 9), cures, needs, _some(atoms, 2, draw), _some(atoms, 1, draw)
+    )

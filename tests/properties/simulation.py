@@ -1,7 +1,9 @@
-"""What a plan can come to, plainly: every order and every overlap of its steps is carried out, one event after another.
+"""What a plan can come to, plainly: every order and every overlap of its steps is carried out, one
+event after another.
 
-A step starts when those before it have ended and its precondition holds, which must last until it ends; then its effects
-come. While it lasts it holds its resources alone (language, Meaning 8 and 9).
+A step starts when those before it have ended and its precondition holds, which must last until it
+ends; then its effects come. While it lasts it holds its resources alone (language, Meaning 8 and
+9).
 """
 
 from collections.abc import Iterator
@@ -33,7 +35,9 @@ class Simulation:
         self.steps = {step.id: step for step in plan.steps}
 
     def fails(self) -> str:
-        """What goes wrong in some order or overlap; nothing if the plan does what it claims in all of them."""
+        """What goes wrong in some order or overlap; nothing if the plan does what it claims in
+        all of them.
+        """
         first = Moment(self.semantics.initial())
         seen, waiting = {first}, [first]
         while waiting:
@@ -72,14 +76,20 @@ class Simulation:
             operator, bindings = self._bound(self.steps[each])
             if not condition_holds(operator.precondition, facts, bindings):
                 return f"the precondition of step {each} does not hold while it lasts"
-            if {substitute_term(r, bindings) for r in operator.resources} - set(self.steps[each].resources):
+            if {substitute_term(r, bindings) for r in operator.resources} - set(
+                self.steps[each].resources
+            ):
                 return f"step {each} does not hold what it needs"
         if len(now.ended) == len(self.steps) and not condition_holds(self.problem.goal, facts, {}):
             return "the goal does not hold at the end"
-        return next((f"{link} is broken" for link in self.plan.links if self._broken(link, now)), "")
+        return next(
+            (f"{link} is broken" for link in self.plan.links if self._broken(link, now)), ""
+        )
 
     def _broken(self, link: CausalLink, now: Moment) -> bool:
-        """Whether a link's condition is false although its producer has ended and its consumer has not."""
+        """Whether a link's condition is false although its producer has ended and its consumer
+        has not.
+        """
         begun = link.consumer in now.running
         whole = link.consumer == GOAL_STEP and len(now.ended) == len(self.steps)
         if link.producer not in now.ended and link.producer != INITIAL_STEP:

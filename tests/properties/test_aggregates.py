@@ -41,7 +41,11 @@ deductive_operators:
     denies: at(T, Q), Q != P; at(O, P), O != T
 """
 FACTS = "weight(a, 2). weight(b, -1). weight(c, 3)."
-CONDITIONS = ["at(T, P), weight(T, W)", "at(T, p), weight(T, W)", "on(T), weight(T, W), not at(T, q)"]
+CONDITIONS = [
+    "at(T, P), weight(T, W)",
+    "at(T, p), weight(T, W)",
+    "on(T), weight(T, W), not at(T, q)",
+]
 TERMS = ["W, T", "W", "-W, T", "W * 2, T, 1"]
 RELATIONS = ["<", "<=", "=", "!=", ">", ">="]
 
@@ -50,7 +54,9 @@ RELATIONS = ["<", "<=", "=", "!=", ">", ">="]
 def aggregates(draw: st.DrawFn) -> str:
     function = draw(st.sampled_from(["count", "sum", "min", "max"]))
     parts = draw(
-        st.lists(st.tuples(st.sampled_from(TERMS), st.sampled_from(CONDITIONS)), min_size=1, max_size=2)
+        st.lists(
+            st.tuples(st.sampled_from(TERMS), st.sampled_from(CONDITIONS)), min_size=1, max_size=2
+        )
     )
     braces = "; ".join(f"{terms} : {body}" for terms, body in parts)
     relation, bound = draw(st.sampled_from(RELATIONS)), draw(st.integers(-3, 5))
@@ -81,17 +87,23 @@ def by_clingo(text: str, state: list[Atom]) -> set[str]:
     control = clingo.Control(["--warn=none"])
     control.add("base", [], f"{FACTS} {text} {' '.join(f'{atom}.' for atom in state)}")
     control.ground([("base", [])])
-    return {str(each.symbol) for each in control.symbolic_atoms.by_signature("fits", 1) if each.is_fact}
+    return {
+        str(each.symbol) for each in control.symbolic_atoms.by_signature("fits", 1) if each.is_fact
+    }
 
 
 def in_task(task: GroundTask, state: list[Atom]) -> set[str]:
-    """The atoms of `fits` in a ground task, in which they are conditions of goals or stay as axioms."""
+    """The atoms of `fits` in a ground task, in which they are conditions of goals or stay as
+    axioms.
+    """
     assert task.axioms is not None
     true = set(state)
     bits = 0
     for number, atom in enumerate(task.atoms):
         inner = atom.arguments[0] if atom.name == "not" else None
-        if atom in true or (isinstance(inner, Function) and inner.name in ("at", "on") and inner not in true):
+        if atom in true or (
+            isinstance(inner, Function) and inner.name in ("at", "on") and inner not in true
+        ):
             bits |= 1 << number
     return {str(atom) for atom in task.names(task.axioms.closed(bits)) if atom.name == "fits"}
 

@@ -1,4 +1,7 @@
-"""Chains that nobody wants to end: their events may occur. Beside brute force over states and counters."""
+"""Chains that nobody wants to end: their events may occur.
+
+Beside brute force over states and counters.
+"""
 
 import itertools
 from collections import deque
@@ -41,7 +44,9 @@ Counts = tuple[int, ...]
 
 
 def readings(problem: Problem, counts: Counts, events: Sequence[Atom]) -> Iterator[Counts]:
-    """Every way in which events may move chains that wait for them: each moves one, and no chain moves twice."""
+    """Every way in which events may move chains that wait for them: each moves one, and no
+    chain moves twice.
+    """
     names = [chain.name for chain in problem.chains]
     waiting = next_stages(problem.chains, dict(zip(names, counts, strict=True)))
     choices = [[n for n in waiting if waiting[n] == each] for each in events]
@@ -93,7 +98,9 @@ def reachable(problem: Problem) -> bool:
 
 def ended(problem: Problem, semantics: Semantics, state: State, reached: Counts) -> bool:
     """Whether the goals hold, and each wanted chain has come to its end."""
-    whole = all(n == len(c.stages) or not c.wanted for c, n in zip(problem.chains, reached, strict=True))
+    whole = all(
+        n == len(c.stages) or not c.wanted for c, n in zip(problem.chains, reached, strict=True)
+    )
     lasts = (last for own in final_stages(problem.chains, problem.domain).values() for last in own)
     met = problem.goal == ALWAYS_TRUE or condition_holds(problem.goal, semantics.facts(state), {})
     return whole and met and all(last in state for last in lasts)
@@ -104,7 +111,9 @@ def ended(problem: Problem, semantics: Semantics, state: State, reached: Counts)
 def test_a_problem_with_chains_that_may_stay_open_has_a_plan_exactly_if_brute_force_finds_one(
     problem: Problem, wanted: tuple[bool, bool]
 ) -> None:
-    chains = tuple(replace(each, wanted=own) for each, own in zip(problem.chains, wanted, strict=True))
+    chains = tuple(
+        replace(each, wanted=own) for each, own in zip(problem.chains, wanted, strict=True)
+    )
     problem = replace(problem, chains=chains)
     try:
         found = checked_plan.plan_problem(problem)
@@ -126,6 +135,8 @@ def test_goals_named_as_out_of_reach_are_so_and_each_part_of_them_is_not(problem
     assert isinstance(checked_plan.plan_problem(with_goals_only(problem, goals)), Infeasible)
     for left_out in goals if len(goals) > 1 else ():
         assert isinstance(
-            checked_plan.plan_problem(with_goals_only(problem, [g for g in goals if g is not left_out])),
+            checked_plan.plan_problem(
+                with_goals_only(problem, [g for g in goals if g is not left_out])
+            ),
             Found,
         )

@@ -52,8 +52,12 @@ def grounded(problem: Problem) -> GroundTask:
 
 @given(FAMILIES, st.sampled_from(["auto", "forward", "landmarks"]))
 @DILIGENT
-def test_a_search_over_derived_atoms_agrees_with_brute_force(problem: Problem, strategy: str) -> None:
-    """The plan is also one for the checker, with causal links of fluents only: `planning.plan` has it checked."""
+def test_a_search_over_derived_atoms_agrees_with_brute_force(
+    problem: Problem, strategy: str
+) -> None:
+    """The plan is also one for the checker, with causal links of fluents only: `planning.plan`
+    has it checked.
+    """
     try:
         with layered():
             outcome = checked_plan.plan_problem(problem, SearchLimits(strategy=strategy))
@@ -79,7 +83,10 @@ def test_derived_atoms_are_true_where_the_checker_says_so(problem: Problem) -> N
     for state in states:
         fluents = [a for a in task.names(state) if a.name in semantics.problem.domain.predicates]
         facts = semantics.facts([a for a in fluents if a.name not in ("d", "e")])
-        assert {a for a in fluents if a.name in ("d", "e")} <= {*facts.named("d"), *facts.named("e")}
+        assert {a for a in fluents if a.name in ("d", "e")} <= {
+            *facts.named("d"),
+            *facts.named("e"),
+        }
         missing = [a for a in task.atoms if a.name in ("d", "e") and a not in fluents]
         assert not any(a in facts for a in missing)
 
@@ -109,7 +116,9 @@ def test_the_ground_export_keeps_the_rules(problem: Problem) -> None:
 
 @st.composite
 def axioms(draw: st.DrawFn) -> Axioms:
-    """Four fluents with complements (0 to 7), five derived atoms with complements (8 to 17), in layers of one or two."""
+    """Four fluents with complements (0 to 7), five derived atoms with complements (8 to 17), in
+    layers of one or two.
+    """
     layers = {8: 0, 9: 0, 10: 1, 11: 2, 12: 2}
     complements = {**{n: n + 4 for n in range(4)}, **{n: n + 5 for n in layers}}
     rules = []
@@ -126,7 +135,9 @@ def plainly(known: Axioms, fluents: int) -> int:
     state = fluents
     for layer in range(1 + max(known.layers.values())):
         own = [rule for rule in known.rules if known.layers[rule.head] == layer]
-        while more := [rule for rule in own if not rule.body & ~state and not state >> rule.head & 1]:
+        while more := [
+            rule for rule in own if not rule.body & ~state and not state >> rule.head & 1
+        ]:
             state |= 1 << more[0].head
         for atom in (atom for atom, found in known.layers.items() if found == layer):
             state |= 0 if state >> atom & 1 else 1 << known.complements[atom]

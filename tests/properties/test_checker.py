@@ -1,4 +1,6 @@
-"""The independent checker against a plain simulation of every order and overlap that a plan allows."""
+"""The independent checker against a plain simulation of every order and overlap that a plan
+allows.
+"""
 
 import dataclasses
 
@@ -23,7 +25,9 @@ MANY = settings(max_examples=50, deadline=None, suppress_health_check=list(Healt
 
 @given(posed())
 @MANY
-def test_what_the_checker_accepts_goes_well_in_every_order_and_overlap(given: tuple[Problem, Plan]) -> None:
+def test_what_the_checker_accepts_goes_well_in_every_order_and_overlap(
+    given: tuple[Problem, Plan],
+) -> None:
     problem, plan = given
     if not validate_plan(problem, plan):
         assert Simulation(problem, plan).fails() == ""
@@ -35,8 +39,12 @@ def test_of_a_sequence_the_checker_says_what_the_simulation_says(
     given: tuple[Problem, Plan], goal: And
 ) -> None:
     problem, plan = dataclasses.replace(given[0], goal=goal), full_order(Plan(given[1].steps))
-    contradicts = any("both adds and denies" in each.message for each in validate_plan(problem, plan))
-    assert contradicts or bool(validate_plan(problem, plan)) == bool(Simulation(problem, plan).fails())
+    contradicts = any(
+        "both adds and denies" in each.message for each in validate_plan(problem, plan)
+    )
+    assert contradicts or bool(validate_plan(problem, plan)) == bool(
+        Simulation(problem, plan).fails()
+    )
 
 
 @given(posed())

@@ -1,4 +1,6 @@
-"""Composite operators: what they do is what their parts do, and a search has with them the answers that it has without."""
+"""Composite operators: what they do is what their parts do, and a search has with them the
+answers that it has without.
+"""
 
 import itertools
 
@@ -45,7 +47,9 @@ ground_operators = st.builds(
     GroundOperator, instances(terms(OBJECTS, Function)), sets, sets, sets, cost=st.integers(0, 3)
 )
 patterns = st.lists(
-    instances(st.one_of(terms(VARIABLES, Variable), terms(OBJECTS, Function))), min_size=2, max_size=3
+    instances(st.one_of(terms(VARIABLES, Variable), terms(OBJECTS, Function))),
+    min_size=2,
+    max_size=3,
 ).map(tuple)
 
 
@@ -75,7 +79,9 @@ def test_joins_find_what_matching_all_sequences_finds(
     for numbers in itertools.permutations(range(len(operators)), len(pattern)):
         bindings: dict[Variable, Term] | None = {}
         for step, number in zip(pattern, numbers, strict=True):
-            bindings = None if bindings is None else match_term(step, operators[number].instance, bindings)
+            bindings = (
+                None if bindings is None else match_term(step, operators[number].instance, bindings)
+            )
         slow += [] if bindings is None else [(0, numbers)]
     everything = range(len(operators))
     assert sorted(PatternJoins(operators, [pattern]).sequences(everything, everything)) == slow
@@ -145,7 +151,9 @@ def test_the_planner_with_macrops_agrees_with_brute_force_on_solvability(
 
 @given(problems(), st.data())
 @DILIGENT
-def test_searches_that_take_composites_return_executable_steps(problem: Problem, data: st.DataObject) -> None:
+def test_searches_that_take_composites_return_executable_steps(
+    problem: Problem, data: st.DataObject
+) -> None:
     task = _task(problem)
     assume(len(task.goals) == 1)
     chosen = _chosen(task, data).forward

@@ -81,7 +81,9 @@ def test_the_closure_is_the_one_that_clingo_finds(
     sparse = [mask & (mask >> 1) for mask in implies], [mask & (mask >> 1) for mask in then]
     implies, then = sparse
     closed = transitively(implies)
-    denied = tuple(bitset([o for i in indices(mask) for o in indices(denies[i])]) for mask in closed)
+    denied = tuple(
+        bitset([o for i in indices(mask) for o in indices(denies[i])]) for mask in closed
+    )
     deduction = Deduction(closed, denied, tuple(then), tuple(ends))
     assume(adds)
     assert deduction.close(adds, before, deletes) == clingo_closure(

@@ -1,4 +1,6 @@
-"""No recovery plan has a step that could be left out, and none costs more than a plan that is proved to be cheapest."""
+"""No recovery plan has a step that could be left out, and none costs more than a plan that is
+proved to be cheapest.
+"""
 
 import random
 from collections.abc import Iterator
@@ -21,12 +23,16 @@ QUICK = (
 
 
 def _cases() -> Iterator[ParameterSet]:
-    """Every exception of both fault bases that a step of the plan can end with, with each of its causes."""
+    """Every exception of both fault bases that a step of the plan can end with, with each of
+    its causes.
+    """
     for name in NAMES:
         for exception, entry in faults(name).exceptions.items():
             for number, cause in enumerate(entry.counts):
                 quick = number == 0 and (name, exception) in QUICK
-                yield pytest.param(name, exception, cause, marks=[] if quick else [pytest.mark.slow])
+                yield pytest.param(
+                    name, exception, cause, marks=[] if quick else [pytest.mark.slow]
+                )
 
 
 @pytest.mark.parametrize(("name", "exception", "cause"), list(_cases()))

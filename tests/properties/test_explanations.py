@@ -1,4 +1,6 @@
-"""Explanations against brute force: every single fact that would give a random problem a plan is found."""
+"""Explanations against brute force: every single fact that would give a random problem a plan
+is found.
+"""
 
 import itertools
 from collections.abc import Iterator
@@ -29,7 +31,10 @@ from cellwright.kb.terms import (
 )
 from tests.properties.problems import OBJECTS, ONE_X, TYPES, X, problems, shortest
 
-FLUENTS = [*(Function(name, (Function(each),)) for name in ("p", "q") for each in OBJECTS), Function("r")]
+FLUENTS = [
+    *(Function(name, (Function(each),)) for name in ("p", "q") for each in OBJECTS),
+    Function("r"),
+]
 
 
 def single(layer: str, facts: tuple[Atom, ...], possible: list[Atom]) -> Iterator[Edit]:
@@ -40,7 +45,9 @@ def single(layer: str, facts: tuple[Atom, ...], possible: list[Atom]) -> Iterato
     for old, atom in itertools.product(facts, new):
         if (old.name, len(old.arguments)) == (atom.name, len(atom.arguments)):
             differences = [
-                pair for pair in zip(old.arguments, atom.arguments, strict=True) if pair[0] != pair[1]
+                pair
+                for pair in zip(old.arguments, atom.arguments, strict=True)
+                if pair[0] != pair[1]
             ]
             if len(differences) == 1:
                 yield Edit(layer, atom, old)
@@ -53,13 +60,17 @@ def shape(edit: Edit) -> tuple[object, ...]:
 
 
 def says_as_much(advice: Edit, wanted: Edit) -> bool:
-    """Whether advice is the wanted edit, a part of it, or the same with another number or with less left beside it."""
+    """Whether advice is the wanted edit, a part of it, or the same with another number or with
+    less left beside it.
+    """
     if advice.added is None:
         return advice.removed == wanted.removed
     return wanted.added is not None and shape(advice) == shape(wanted)
 
 
-def check(problem: Problem, explanation: Explanation, wanted: Iterator[Edit], trivial: list[Atom]) -> int:
+def check(
+    problem: Problem, explanation: Explanation, wanted: Iterator[Edit], trivial: list[Atom]
+) -> int:
     """Every change is proved, and every wanted edit is covered by advice. How many were wanted."""
     advice = [change.edits for change in explanation.changes if change.edits]
     assert explanation.untried == 0
@@ -74,7 +85,10 @@ def check(problem: Problem, explanation: Explanation, wanted: Iterator[Edit], tr
         assert {len(edits) for edits in advice} == {1}, edit
         serious = [edits for edits in advice if edits[0].added not in trivial]
         if edit.added not in trivial or not serious:
-            assert any(says_as_much(edits[0], edit) for edits in advice), (str(edit), [*map(str, advice)])
+            assert any(says_as_much(edits[0], edit) for edits in advice), (
+                str(edit),
+                [*map(str, advice)],
+            )
     return count
 
 
@@ -82,14 +96,18 @@ def goals(problem: Problem) -> list[Atom]:
     """Goals that could be claimed to hold from the start; those of some thing for each thing."""
     parts = problem.goal.parts if isinstance(problem.goal, And) else (problem.goal,)
     some = [part for part in parts if isinstance(part, Exists) and isinstance(part.part, Literal)]
-    bound = [{p.variable: Function(name) for p in part.parameters} for part in some for name in OBJECTS]
+    bound = [
+        {p.variable: Function(name) for p in part.parameters} for part in some for name in OBJECTS
+    ]
     inner = [part.part for part in some for _ in OBJECTS]
     for_each = [
         Literal(substitute_atom(each.atom, values), each.positive)
         for each, values in zip(inner, bound, strict=True)
         if isinstance(each, Literal)
     ]
-    return [part.atom for part in (*parts, *for_each) if isinstance(part, Literal) and part.positive]
+    return [
+        part.atom for part in (*parts, *for_each) if isinstance(part, Literal) and part.positive
+    ]
 
 
 @settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
@@ -154,12 +172,21 @@ def marked(draw: st.DrawFn) -> Problem:
         LIMIT: Predicate(LIMIT, ("int",), Kind.STATIC),
     }
     domain = Domain(
-        "marked", TYPES, objects=dict.fromkeys(OBJECTS, "thing"), predicates=predicates, operators=made
+        "marked",
+        TYPES,
+        objects=dict.fromkeys(OBJECTS, "thing"),
+        predicates=predicates,
+        operators=made,
     )
     statics = draw(st.lists(st.sampled_from(STATICS), max_size=4, unique=True))
     initial = draw(st.lists(st.sampled_from(FLUENTS[:2]), min_size=1, max_size=2, unique=True))
     return Problem(
-        "marked", domain, statics=tuple(statics), initial=tuple(initial), goal=Literal(r), complete=True
+        "marked",
+        domain,
+        statics=tuple(statics),
+        initial=tuple(initial),
+        goal=Literal(r),
+        complete=True,
     )
 
 
@@ -170,11 +197,16 @@ def test_every_static_that_would_help_is_found_with_the_nearest_number(problem: 
     explanation = explain_infeasibility(problem)
     if explanation.status != "infeasible":
         return
-    possible = [*single("static", problem.statics, STATICS), *single("initial", problem.initial, FLUENTS)]
+    possible = [
+        *single("static", problem.statics, STATICS),
+        *single("initial", problem.initial, FLUENTS),
+    ]
     helping = (
         edit
         for edit in possible
-        if isinstance(checked_plan.plan_problem(apply_amendment(problem, Amendment((edit,)))), Found)
+        if isinstance(
+            checked_plan.plan_problem(apply_amendment(problem, Amendment((edit,)))), Found
+        )
     )
     event(f"{min(check(problem, explanation, helping, goals(problem)), 3)} edits help")
 
@@ -186,7 +218,9 @@ def even(problem: Problem) -> Problem:
 
     def both(facts: tuple[Atom, ...]) -> tuple[Atom, ...]:
         moved = (exchange_subterms(each, swap) for each in facts)
-        return tuple(dict.fromkeys((*facts, *(each for each in moved if isinstance(each, Function)))))
+        return tuple(
+            dict.fromkeys((*facts, *(each for each in moved if isinstance(each, Function))))
+        )
 
     return replace(problem, statics=both(problem.statics), initial=both(problem.initial))
 
@@ -196,10 +230,14 @@ def even(problem: Problem) -> Problem:
 @given(problem=marked().map(even))
 def test_of_changes_that_are_alike_but_for_names_all_help_or_none(problem: Problem) -> None:
     alike, marks = AlikeObjects(ProblemSpace.of(problem, problem.initial)), STATICS[: len(OBJECTS)]
-    for edit in (*single("initial", problem.initial, FLUENTS), *single("static", problem.statics, marks)):
+    for edit in (
+        *single("initial", problem.initial, FLUENTS),
+        *single("static", problem.statics, marks),
+    ):
         images = sorted(alike.images(edit), key=str)
         answers = {
-            type(checked_plan.plan_problem(apply_amendment(problem, Amendment((each,))))) for each in images
+            type(checked_plan.plan_problem(apply_amendment(problem, Amendment((each,)))))
+            for each in images
         }
         assert len(answers) == 1, [*map(str, images)]
         event(f"{len(images)} alike: {answers}")

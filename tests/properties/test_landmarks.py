@@ -47,13 +47,18 @@ BLOCKS = """
 @st.composite
 def towers(draw: st.DrawFn, count: int) -> tuple[list[str], list[str]]:
     """Random piles of blocks: what stands on what, and the rest of the facts."""
-    names, piles = draw(st.permutations([f"b{number}" for number in range(count)])), list[list[str]]()
+    names, piles = (
+        draw(st.permutations([f"b{number}" for number in range(count)])),
+        list[list[str]](),
+    )
     for name in names:
         if piles and draw(st.integers(0, 2)):
             piles[-1].append(name)
         else:
             piles.append([name])
-    stacked = [f"(on {upper} {lower})" for pile in piles for lower, upper in itertools.pairwise(pile)]
+    stacked = [
+        f"(on {upper} {lower})" for pile in piles for lower, upper in itertools.pairwise(pile)
+    ]
     rest = [fact for pile in piles for fact in (f"(table {pile[0]})", f"(clear {pile[-1]})")]
     return stacked, [*rest, "(empty)"]
 
@@ -67,7 +72,10 @@ def blocks(draw: st.DrawFn, count: int = 4) -> Problem:
 
 def posed(facts: str, goals: str) -> Problem:
     objects = " ".join(sorted(set(re.findall(r"\bb\d|\b[a-e]\b", facts))))
-    text = f"(define (problem p) (:domain blocks) (:objects {objects}) (:init {facts}) (:goal (and {goals})))"
+    text = (
+        f"(define (problem p) (:domain blocks) (:objects {objects}) (:init {facts}) (:goal (and "
+        f"{goals})))"
+    )
     with tempfile.TemporaryDirectory() as folder:
         files = Path(folder) / "domain.pddl", Path(folder) / "problem.pddl"
         for file, content in zip(files, (BLOCKS, text), strict=True):
@@ -79,7 +87,9 @@ FAMILIES = st.one_of(problems(), blocks())
 
 
 def plain(problem: Problem) -> GroundTask:
-    """The ground task of a problem, without conditional effects, derived atoms and alternatives of goals."""
+    """The ground task of a problem, without conditional effects, derived atoms and alternatives
+    of goals.
+    """
     try:
         task = ground(problem)
     except InvalidInput:
@@ -96,7 +106,10 @@ def of(task: GroundTask) -> Landmarks:
 
 
 def transitions(task: GroundTask, landmark: Bits) -> Iterator[tuple[Seen, Bits]]:
-    """Every transition that can be made from the start, as the state before and the one after. A landmark is one of some atoms."""
+    """Every transition that can be made from the start, as the state before and the one after.
+
+    A landmark is one of some atoms.
+    """
     start = task.initial, bool(task.initial & landmark)
     seen, waiting = {start}, [start]
     while waiting:
@@ -124,7 +137,9 @@ def test_every_state_in_which_the_goals_hold_comes_after_every_landmark(problem:
 
 @given(FAMILIES)
 @DILIGENT
-def test_a_goal_does_not_stay_true_when_a_landmark_is_reached_that_is_better_first(problem: Problem) -> None:
+def test_a_goal_does_not_stay_true_when_a_landmark_is_reached_that_is_better_first(
+    problem: Problem,
+) -> None:
     task = plain(problem)
     landmarks = of(task)
     for later, earlier in interfering_pairs(task.goals[0], landmarks.moments, task.mutex_groups):
@@ -151,7 +166,10 @@ def test_the_lower_one_of_two_blocks_is_stacked_first() -> None:
         lower: ReachingMoment(1 << holding, 1 << lower | 1 << clear),
     }
     groups = [1 << upper | 1 << clear | 1 << holding]
-    assert reasonable_orders(0b11, {upper: 0, lower: 0}, moments, groups) == {upper: 1 << lower, lower: 0}
+    assert reasonable_orders(0b11, {upper: 0, lower: 0}, moments, groups) == {
+        upper: 1 << lower,
+        lower: 0,
+    }
 
 
 def test_one_of_several_hands_is_a_landmark() -> None:
@@ -187,7 +205,9 @@ def test_a_goal_that_will_be_in_the_way_counts_only_once_it_is_not() -> None:
         "stack(d, c)",
     ):
         left.append(landmarks.left(accepted, packed(state)))
-        state = progress_state(state, next(each for each in task.operators if str(each.instance) == name))
+        state = progress_state(
+            state, next(each for each in task.operators if str(each.instance) == name)
+        )
         accepted = landmarks.accept(accepted, packed(state))
     left.append(landmarks.left(accepted, packed(state)))
     assert left[2] >= left[0]  # d is on c, and must be taken away again before b can be lifted

@@ -1,4 +1,6 @@
-"""Grounding by need against grounding the whole: the same solvability, and shortest plans of the same length."""
+"""Grounding by need against grounding the whole: the same solvability, and shortest plans of
+the same length.
+"""
 
 from collections import deque
 
@@ -49,7 +51,11 @@ PREDICATES = {
 def atoms(terms: tuple[Term, ...]) -> st.SearchStrategy[Atom]:
     pairs = [Function("near", (one, other)) for one in terms for other in terms]
     return st.sampled_from(
-        [Function("free"), *(Function(name, (t,)) for name in ("at", "at", "lit") for t in terms), *pairs]
+        [
+            Function("free"),
+            *(Function(name, (t,)) for name in ("at", "at", "lit") for t in terms),
+            *pairs,
+        ]
     )
 
 
@@ -79,7 +85,9 @@ def operators(draw: st.DrawFn, name: str) -> Operator:
         effects.append(Effect(Function("free"), condition=Literal(Function("lit", (X,)))))
     statics = [Literal(Function("old", (X,)), draw(st.booleans()))] if draw(st.booleans()) else []
     if len(own) > 1:
-        statics += draw(st.sampled_from([[], [Comparison(X, "!=", Y)], [Literal(Function("tied", (X, Y)))]]))
+        statics += draw(
+            st.sampled_from([[], [Comparison(X, "!=", Y)], [Literal(Function("tied", (X, Y)))]])
+        )
     return Operator(
         name,
         tuple(Parameter(each, "place") for each in own),
@@ -100,12 +108,17 @@ def deductive_operators(draw: st.DrawFn) -> tuple[DeductiveOperator, ...]:
             (Comparison(X, "!=", Y),),
             (Parameter(X, "place"), Parameter(Y, "place")),
         )
-        found.append(DeductiveOperator(Literal(Function("at", (X,))), (Parameter(X, "place"),), (), (other,)))
+        found.append(
+            DeductiveOperator(Literal(Function("at", (X,))), (Parameter(X, "place"),), (), (other,))
+        )
     if draw(st.integers(0, 3)) == 0:
         freed = Consequence(Function("free"), True, (), (Parameter(X, "place"),))
         found.append(
             DeductiveOperator(
-                Literal(Function("lit", (X,)), draw(st.booleans())), (Parameter(X, "place"),), (), (freed,)
+                Literal(Function("lit", (X,)), draw(st.booleans())),
+                (Parameter(X, "place"),),
+                (),
+                (freed,),
             )
         )
     return tuple(found)
@@ -169,7 +182,9 @@ def shortest(task: GroundTask) -> int | None:
 @pytest.mark.slow
 @DILIGENT
 @given(problems())
-def test_a_faithful_thinned_task_has_shortest_plans_as_short_as_those_of_the_whole(problem: Problem) -> None:
+def test_a_faithful_thinned_task_has_shortest_plans_as_short_as_those_of_the_whole(
+    problem: Problem,
+) -> None:
     every, small = whole(problem), drop_irrelevant_objects(problem)
     assume(small.left_out)
     task = drop_irrelevant_operators(ground(small.problem))

@@ -1,4 +1,6 @@
-"""A task that was grounded once and is asked for parts of its goal, beside brute force for each of them."""
+"""A task that was grounded once and is asked for parts of its goal, beside brute force for each
+of them.
+"""
 
 from dataclasses import replace
 from itertools import combinations, product
@@ -57,7 +59,11 @@ def test_parts_of_goals_with_quantities_agree_with_a_task_for_each(case: tuple[s
 
 
 HAPPENED = [Function("v", (each,)) for each in CONSTANTS]
-STAGES = [*HAPPENED, *(Function(name, (each,)) for name in ("p", "q") for each in CONSTANTS), Function("r")]
+STAGES = [
+    *HAPPENED,
+    *(Function(name, (each,)) for name in ("p", "q") for each in CONSTANTS),
+    Function("r"),
+]
 
 
 @st.composite
@@ -86,7 +92,9 @@ def test_chains_up_to_any_stage_agree_with_a_task_for_each(problem: Problem) -> 
         assume(False)
     parts = range(len(list(goal_parts(problem.goal))))
     for cut in product(*(range(len(chain.stages) + 1) for chain in problem.chains)):
-        stages = {chain.name: count for chain, count in zip(problem.chains, cut, strict=True) if count}
+        stages = {
+            chain.name: count for chain, count in zip(problem.chains, cut, strict=True) if count
+        }
         chains = tuple(
             replace(chain, stages=chain.stages[: stages[chain.name]])
             for chain in problem.chains

@@ -82,8 +82,12 @@ def test_every_linearisation_of_a_plan_executes(problem: Problem) -> None:
 @settings(
     DILIGENT, max_examples=20
 )  # most problems have no plan; `test_checker.py` tries more, on random sequences
-def test_the_checker_refuses_a_plan_whose_order_can_fail(problem: Problem, data: st.DataObject) -> None:
-    """Steps and orders are taken away at random; what the checker still accepts must execute in every order."""
+def test_the_checker_refuses_a_plan_whose_order_can_fail(
+    problem: Problem, data: st.DataObject
+) -> None:
+    """Steps and orders are taken away at random; what the checker still accepts must execute in
+    every order.
+    """
     try:
         outcome = checked_plan.plan_problem(problem)
     except InvalidInput:
@@ -95,7 +99,9 @@ def test_the_checker_refuses_a_plan_whose_order_can_fail(problem: Problem, data:
     for step in outcome.plan.steps:
         if step.id != gone:
             kept = tuple(b for b in step.after if b != gone and data.draw(st.booleans()))
-            steps.append(Step(step.id, step.operator, kept, step.resources, step.duration, step.cost))
+            steps.append(
+                Step(step.id, step.operator, kept, step.resources, step.duration, step.cost)
+            )
     links = tuple(k for k in outcome.plan.links if gone not in (k.producer, k.consumer))
     mutated = Plan(tuple(steps), links)
     if validate_plan(problem, mutated):
@@ -144,7 +150,9 @@ def test_no_reachable_state_holds_two_atoms_of_a_mutex_group(problem: Problem) -
         )
 
     for state in reachable(task.initial, applied):
-        assert all((state & group).bit_count() <= 1 for group in task.mutex_groups), task.names(state)
+        assert all((state & group).bit_count() <= 1 for group in task.mutex_groups), task.names(
+            state
+        )
 
 
 State = TypeVar("State", bound=Hashable)
@@ -172,11 +180,18 @@ def test_the_ground_task_has_the_states_of_the_domain(problem: Problem) -> None:
     plain = [operator for operator in task.operators if not operator.instance.name.startswith("_")]
 
     def applied(state: int) -> Iterator[int]:
-        return (progress_state(state, operator) for operator in plain if operator.preconditions & ~state == 0)
+        return (
+            progress_state(state, operator)
+            for operator in plain
+            if operator.preconditions & ~state == 0
+        )
 
     slow = reachable(
-        semantics.initial(), lambda state: [each for _, each in successors(semantics, problem, state)]
+        semantics.initial(),
+        lambda state: [each for _, each in successors(semantics, problem, state)],
     )
     fast = reachable(task.initial, applied)
     fluents = {"p", "q", "r"}
-    assert {frozenset(atom for atom in task.names(state) if atom.name in fluents) for state in fast} == slow
+    assert {
+        frozenset(atom for atom in task.names(state) if atom.name in fluents) for state in fast
+    } == slow

@@ -1,4 +1,6 @@
-"""Quantities: searches, which see comparisons only, against brute force over the checker's meaning of steps."""
+"""Quantities: searches, which see comparisons only, against brute force over the checker's
+meaning of steps.
+"""
 
 import itertools
 from dataclasses import replace
@@ -95,8 +97,15 @@ def reachable(problem: Problem) -> bool:
     """Whether some state that steps lead to satisfies the goals."""
     semantics = Semantics(problem)
     jugs, portions = (Function("a"), Function("b")), [atom.arguments[0] for atom in problem.statics]
-    steps = [Function("swap"), *(Function(name, (jug,)) for name in ("fill", "close") for jug in jugs)]
-    steps += [Function("pour", (one, two, n)) for one, two in itertools.product(jugs, jugs) for n in portions]
+    steps = [
+        Function("swap"),
+        *(Function(name, (jug,)) for name in ("fill", "close") for jug in jugs),
+    ]
+    steps += [
+        Function("pour", (one, two, n))
+        for one, two in itertools.product(jugs, jugs)
+        for n in portions
+    ]
     seen: set[frozenset[Atom]] = set()
     waiting = [semantics.initial()]
     while waiting:
@@ -109,7 +118,9 @@ def reachable(problem: Problem) -> bool:
             return True
         for step in steps:
             bound = semantics.binding(step)
-            if not isinstance(bound, str) and condition_holds(bound[0].precondition, facts, bound[1]):
+            if not isinstance(bound, str) and condition_holds(
+                bound[0].precondition, facts, bound[1]
+            ):
                 change = semantics.change(*bound, facts, state)
                 waiting.append(state - change.ends | change.adds)
     return False
@@ -117,7 +128,9 @@ def reachable(problem: Problem) -> bool:
 
 @given(cases(), st.sampled_from(["auto", "forward", "landmarks", "novelty"]))
 @settings(max_examples=8, deadline=None)
-def test_a_search_over_quantities_agrees_with_brute_force(case: tuple[str, str], strategy: str) -> None:
+def test_a_search_over_quantities_agrees_with_brute_force(
+    case: tuple[str, str], strategy: str
+) -> None:
     """Every plan has been accepted by the checker, which follows the values themselves."""
     with TemporaryDirectory() as folder:
         problem = loaded(*case, folder)
@@ -127,7 +140,9 @@ def test_a_search_over_quantities_agrees_with_brute_force(case: tuple[str, str],
 
 @given(cases())
 @settings(max_examples=15, deadline=None)
-def test_what_is_proved_or_relaxed_over_quantities_agrees_with_brute_force(case: tuple[str, str]) -> None:
+def test_what_is_proved_or_relaxed_over_quantities_agrees_with_brute_force(
+    case: tuple[str, str],
+) -> None:
     """No proof where there is a plan, and a relaxed task then reaches all goals."""
     with TemporaryDirectory() as folder:
         problem = loaded(*case, folder)
@@ -149,13 +164,17 @@ def test_a_value_at_the_start_that_would_help_is_found(case: tuple[str, str]) ->
         explanation = explain_infeasibility(problem)
         values = [fact for fact in problem.initial if fact.name == "level"]
         others = [
-            replace(problem, initial=(*(f for f in problem.initial if f != fact), _with(fact, value)))
+            replace(
+                problem, initial=(*(f for f in problem.initial if f != fact), _with(fact, value))
+            )
             for fact in values
             for value in range(1 + (problem.domain.quantities["level"].high or 0))
         ]
         helping = any(map(reachable, others))
         event(f"a value helps: {helping}")
-        assert not helping or [len(each.edits) for each in explanation.changes if each.edits][:1] == [1]
+        assert not helping or [len(each.edits) for each in explanation.changes if each.edits][
+            :1
+        ] == [1]
         for change in (each for each in explanation.changes if each.edits):
             assert reachable(apply_amendment(problem, change))
 
@@ -180,7 +199,9 @@ FINE = DOMAIN.format(high=5, relation="<", bound=5, full=5, low=3)
         ("level(J) - N >= 0", "level(J) * level(K) >= 0", "K107"),
     ],
 )
-def test_what_is_wrong_with_a_quantity_is_told(old: str, new: str, code: str, tmp_path: Path) -> None:
+def test_what_is_wrong_with_a_quantity_is_told(
+    old: str, new: str, code: str, tmp_path: Path
+) -> None:
     problem = PROBLEM.format(one=1, two=2, a=0, b=5, goal="level(a) = 5")
     assert old in FINE
     with pytest.raises(InvalidInput) as refused:
@@ -196,7 +217,9 @@ def test_what_is_wrong_with_a_quantity_is_told(old: str, new: str, code: str, tm
         ("", "K115", "problem:"),
     ],
 )
-def test_a_quantity_has_one_value_within_its_range(fact: str, code: str, line: str, tmp_path: Path) -> None:
+def test_a_quantity_has_one_value_within_its_range(
+    fact: str, code: str, line: str, tmp_path: Path
+) -> None:
     problem = PROBLEM.format(one=1, two=2, a=0, b=5, goal="level(a) = 5").replace(
         '"level(a, 0)",', f"{fact},".lstrip(",")
     )

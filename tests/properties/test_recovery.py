@@ -1,4 +1,6 @@
-"""The law of recovery: what is believed at the end of a case is true, and the recovery plan works in the true world."""
+"""The law of recovery: what is believed at the end of a case is true, and the recovery plan
+works in the true world.
+"""
 
 import random
 from collections.abc import Iterator
@@ -23,7 +25,9 @@ NAMES = ("bulkhead/both_tools", "themse/one")
 
 
 def _cases(objective: CaseObjective) -> Iterator[ParameterSet]:
-    """Every cause once; where it is repaired, for every exception: one new cause of each quickly, all others slowly."""
+    """Every cause once; where it is repaired, for every exception: one new cause of each
+    quickly, all others slowly.
+    """
     for name in NAMES:
         seen: set[str] = set()
         for exception, entry in faults(name).exceptions.items():
@@ -31,25 +35,33 @@ def _cases(objective: CaseObjective) -> Iterator[ParameterSet]:
             every = entry.counts if objective is CaseObjective.REPAIR else new
             quick = new[:1] if objective is CaseObjective.REPAIR else new
             for cause in every:
-                yield pytest.param(name, exception, cause, marks=[] if cause in quick else [pytest.mark.slow])
+                yield pytest.param(
+                    name, exception, cause, marks=[] if cause in quick else [pytest.mark.slow]
+                )
             seen.update(new)
 
 
 @pytest.mark.parametrize(("name", "exception", "cause"), list(_cases(CaseObjective.REPAIR)))
-def test_recovery_starts_from_the_true_world_and_works_in_it(name: str, exception: str, cause: str) -> None:
+def test_recovery_starts_from_the_true_world_and_works_in_it(
+    name: str, exception: str, cause: str
+) -> None:
     holds_good(_case(name, exception, cause, CaseObjective.REPAIR))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "exception", "cause"), list(_cases(CaseObjective.ISOLATE)))
-def test_recovery_works_beside_a_cause_that_is_there_still(name: str, exception: str, cause: str) -> None:
+def test_recovery_works_beside_a_cause_that_is_there_still(
+    name: str, exception: str, cause: str
+) -> None:
     holds_good(_case(name, exception, cause, CaseObjective.ISOLATE))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("objective", list(CaseObjective))
 @pytest.mark.parametrize("seed", range(20))
-def test_the_law_holds_for_fault_bases_that_nobody_would_write(seed: int, objective: CaseObjective) -> None:
+def test_the_law_holds_for_fault_bases_that_nobody_would_write(
+    seed: int, objective: CaseObjective
+) -> None:
     given = random_work(seed)
     for cause in given.model.causes:
         step = random.Random(f"{seed} {cause}").choice(interruptions(given, "trouble"))
@@ -71,7 +83,9 @@ def holds_good(ended: Ended) -> None:
         assert believed == truth
     assert believed.facts <= truth.facts
     dynamics, facts = ended.world.cell.dynamics, believed.facts
-    assert not any(dynamics.displaced(facts - {atom}, (atom,)) for atom in facts), "free of contradictions"
+    assert not any(dynamics.displaced(facts - {atom}, (atom,)) for atom in facts), (
+        "free of contradictions"
+    )
     recovery = ended.desk.recover(ended.made)
     promised = isinstance(recovery.outcome, Found)
     assert promised or isinstance(recovery.outcome, Infeasible)

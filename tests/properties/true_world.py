@@ -1,4 +1,7 @@
-"""The true world: a cell with causes that nobody knows. It answers steps, tests and repairs as the cell would."""
+"""The true world: a cell with causes that nobody knows.
+
+It answers steps, tests and repairs as the cell would.
+"""
 
 import random
 from collections.abc import Iterable
@@ -15,10 +18,11 @@ DONE = ""
 
 @dataclass
 class TrueWorld:
-    """A cell in which `hidden` is there when the exception is noticed. `state`, `present`, the causes still there,
-    and `helped`, the repair that put them right, change.
+    """A cell in which `hidden` is there when the exception is noticed. `state`, `present`, the
+    causes still there, and `helped`, the repair that put them right, change.
 
-    `before` is the state in which the interrupted step began; `chance` settles what the fault base leaves open.
+    `before` is the state in which the interrupted step began; `chance` settles what the fault base
+    leaves open.
     """
 
     cell: FaultyCell
@@ -53,7 +57,10 @@ class TrueWorld:
         return DONE
 
     def carry_out(self, action: str) -> str:
-        """Carry out a test or a repair, and the step that does it: the outcome. A repair that helps changes the world."""
+        """Carry out a test or a repair, and the step that does it: the outcome.
+
+        A repair that helps changes the world.
+        """
         model = self.cell.model
         found = model.tests.get(action) or model.repairs[action]
         step = self.cell.carried_out_by(found)

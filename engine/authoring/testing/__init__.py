@@ -1,1 +1,3 @@
-"""Golden plans: the problems of a domain are planned again, and the answers are compared with those accepted before."""
+"""Golden plans: the problems of a domain are planned again, and the answers are compared with
+those accepted before.
+"""

@@ -1,7 +1,7 @@
 """Golden files: a problem's accepted answer, compared with a new one in words.
 
-A golden file is an ordinary answer, so `cellwright validate` checks the plan in it. The search is limited by
-work, never by time, so that the answers are the same on every machine.
+A golden file is an ordinary answer, so `cellwright validate` checks the plan in it. The search is
+limited by work, never by time, so that the answers are the same on every machine.
 """
 
 import difflib
@@ -13,7 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cellwright.engine.formats.report.json_answers import json_envelope, outcome_entry, outcome_status
+from cellwright.engine.formats.report.json_answers import (
+    json_envelope,
+    outcome_entry,
+    outcome_status,
+)
 from cellwright.engine.model.answer_wording import count_noun
 from cellwright.engine.pipelines.planning import checked_plan, plan_objective
 from cellwright.engine.stages.planning import SearchLimits
@@ -77,7 +81,9 @@ def _order_differences(before: Envelope, after: Envelope) -> Iterator[str]:
 
 
 def _ordered_pairs(answer: Envelope) -> set[tuple[int, int]]:
-    return {(earlier, step["id"]) for step in _answer_plan(answer)["steps"] for earlier in step["after"]}
+    return {
+        (earlier, step["id"]) for step in _answer_plan(answer)["steps"] for earlier in step["after"]
+    }
 
 
 def _answer_plan(answer: Envelope) -> Mapping[str, Any]:
@@ -104,7 +110,10 @@ GOLDEN_FOLDER = "golden"
 
 @dataclass(frozen=True, slots=True)
 class GoldenComparison:
-    """The answer to one problem and its golden file. `verdict` is same, different, new, or orphan (no such problem)."""
+    """The answer to one problem and its golden file.
+
+    `verdict` is same, different, new, or orphan (no such problem).
+    """
 
     name: str
     file: Path
@@ -124,7 +133,10 @@ def golden_problems(target: str) -> tuple[Path, list[Path]]:
 
 
 def compare_all(target: str) -> Iterator[GoldenComparison]:
-    """A comparison for each problem of a target, then one for each golden file without a problem. Raises `InvalidInput`."""
+    """A comparison for each problem of a target, then one for each golden file without a problem.
+
+    Raises `InvalidInput`.
+    """
     folder, files = golden_problems(target)
     wrong: list[Diagnostic] = []
     for file in files:
@@ -155,10 +167,17 @@ def compare_with_golden(problem_file: Path, golden: Path) -> GoldenComparison:
         return GoldenComparison(problem_file.stem, golden, "same", text=text)
     before, after = _parse_answer(accepted, golden), json.loads(text)
     diff = tuple(
-        difflib.unified_diff(answer_listing(before), answer_listing(after), "golden", "now", lineterm="", n=2)
+        difflib.unified_diff(
+            answer_listing(before), answer_listing(after), "golden", "now", lineterm="", n=2
+        )
     )
     return GoldenComparison(
-        problem_file.stem, golden, "different", tuple(describe_difference(before, after)), diff, text
+        problem_file.stem,
+        golden,
+        "different",
+        tuple(describe_difference(before, after)),
+        diff,
+        text,
     )
 
 
@@ -168,7 +187,8 @@ def golden_answer(problem_file: Path) -> str:
     run = plan_objective.plan_for_objective(problem, SearchLimits())
     return (
         json_envelope(
-            outcome_status(run.outcome), outcome_entry(run.outcome, problem, problem.domain.name, run.starts)
+            outcome_status(run.outcome),
+            outcome_entry(run.outcome, problem, problem.domain.name, run.starts),
         )
         + "\n"
     )
@@ -179,11 +199,16 @@ def _parse_answer(text: str, file: Path) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
         hint = "restore it, or rewrite it with --update"
-        raise InvalidInput([Diagnostic(Source(str(file)), "K413", f"not JSON: {error}", hint)]) from None
+        raise InvalidInput(
+            [Diagnostic(Source(str(file)), "K413", f"not JSON: {error}", hint)]
+        ) from None
 
 
 def accept_answer(comparison: GoldenComparison) -> None:
-    """Accept an answer: write its golden file (completely or not at all), or remove an orphan. Raises `OSError`."""
+    """Accept an answer: write its golden file (completely or not at all), or remove an orphan.
+
+    Raises `OSError`.
+    """
     if comparison.verdict == "orphan":
         comparison.file.unlink()
         return

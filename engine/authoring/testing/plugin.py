@@ -1,6 +1,7 @@
 """A pytest plugin: it tests every `domain.yaml` that pytest finds beside a `golden` folder.
 
-There is one test per problem. `--update-plans` accepts the new answers; it is refused in continuous integration.
+There is one test per problem. `--update-plans` accepts the new answers; it is refused in continuous
+integration.
 """
 
 import os
@@ -14,7 +15,9 @@ import pytest
 def pytest_addoption(parser: pytest.Parser) -> None:
     """The option `--update-plans`."""
     group = parser.getgroup("cellwright")
-    group.addoption("--update-plans", action="store_true", help="accept changed plans as golden files")
+    group.addoption(
+        "--update-plans", action="store_true", help="accept changed plans as golden files"
+    )
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:

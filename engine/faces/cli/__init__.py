@@ -1,11 +1,16 @@
-"""The command `cellwright`: start of the process; large modules load only when a verb needs them."""
+"""The command `cellwright`: start of the process; large modules load only when a verb needs
+them.
+"""
 
 import _signal  # type: ignore[import-not-found]  # `signal` takes milliseconds to load, in which Ctrl-C tells a traceback
 import gc
 
 
 def main() -> None:
-    """Run the command line. Before a verb begins and after it ends, Ctrl-C ends the process without a message."""
+    """Run the command line.
+
+    Before a verb begins and after it ends, Ctrl-C ends the process without a message.
+    """
     _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
     gc.set_threshold(100_000)  # rarely: few objects here refer to each other in circles
     from cellwright.engine.faces.cli.bytecode_cache import kept_code

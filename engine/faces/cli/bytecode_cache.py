@@ -1,9 +1,10 @@
 """Cache of what Python compiles at import (dataclasses, patterns), kept beside its bytecode.
 
-A dataclass writes its methods as source and compiles them: nine tenths of what it costs to make the class, and a third of the
-whole time of a small task. Regular expressions are compiled, too. Here `dataclasses` and `re` do all that they always do, but
-compile only what no earlier run has compiled. Only a process that is nothing but a command does so: where `cellwright` is
-a library, the standard library is left as it is.
+A dataclass writes its methods as source and compiles them: nine tenths of what it costs to make the
+class, and a third of the whole time of a small task. Regular expressions are compiled, too. Here
+`dataclasses` and `re` do all that they always do, but compile only what no earlier run has
+compiled. Only a process that is nothing but a command does so: where `cellwright` is a library, the
+standard library is left as it is.
 """
 
 import builtins
@@ -27,7 +28,10 @@ Compiled = CodeType | tuple[Any, ...]  # methods, or what the matcher takes
 
 
 class KeptCode:
-    """What was compiled, from a file and for that file. A file of another Python, or a damaged one, is as good as none."""
+    """What was compiled, from a file and for that file.
+
+    A file of another Python, or a damaged one, is as good as none.
+    """
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -41,9 +45,16 @@ class KeptCode:
             code = self._fresh[source] = compile(source, "<string>", "exec")
         builtins.exec(code, *spaces)
 
-    def pattern(self, compiler: Callable[..., Any], noting: "Noting", expression: Any, flags: int = 0) -> Any:
-        """Do what the `compiler` of `re` does. Expressions in functions are not kept: there may be ever more of them."""
-        known: Any = self._known.get((expression, flags)) if isinstance(expression, str | bytes) else None
+    def pattern(
+        self, compiler: Callable[..., Any], noting: "Noting", expression: Any, flags: int = 0
+    ) -> Any:
+        """Do what the `compiler` of `re` does.
+
+        Expressions in functions are not kept: there may be ever more of them.
+        """
+        known: Any = (
+            self._known.get((expression, flags)) if isinstance(expression, str | bytes) else None
+        )
         if known is not None:
             return noting.matcher.compile(expression, *known)
         made = compiler(expression, flags)
@@ -53,7 +64,10 @@ class KeptCode:
         return made
 
     def keep(self) -> None:
-        """Write what was compiled, where Python may write its bytecode. If that fails, the next run compiles again."""
+        """Write what was compiled, where Python may write its bytecode.
+
+        If that fails, the next run compiles again.
+        """
         if not self._fresh or sys.dont_write_bytecode:
             return
         kept = {**self._known, **self._fresh} if len(self._known) < MOST else self._fresh
@@ -100,7 +114,10 @@ def _read(file: Path) -> dict[Source, Compiled]:
 
 
 def kept_code() -> KeptCode | None:
-    """From now on this process makes dataclasses and expressions with kept code. None if there is no place for bytecode."""
+    """From now on this process makes dataclasses and expressions with kept code.
+
+    None if there is no place for bytecode.
+    """
     cached = __spec__.cached if __spec__ else None
     if cached is None:
         return None
@@ -111,10 +128,14 @@ def kept_code() -> KeptCode | None:
 
 
 def keep_patterns(code: KeptCode) -> None:
-    """From now on this process makes expressions with kept code, if its `re` is the one that is known here."""
+    """From now on this process makes expressions with kept code, if its `re` is the one that is
+    known here.
+    """
     compiler: Any = vars(re).get("_compiler")
     if not hasattr(compiler, "_sre") or not hasattr(compiler, "compile"):
         return
     noting, plain = Noting(compiler._sre), compiler.compile
     vars(compiler)["_sre"] = noting
-    vars(compiler)["compile"] = lambda expression, flags=0: code.pattern(plain, noting, expression, flags)
+    vars(compiler)["compile"] = lambda expression, flags=0: code.pattern(
+        plain, noting, expression, flags
+    )

@@ -5,7 +5,10 @@ import sys
 
 
 def run_with_buffers() -> None:
-    """Run a command with the texts of an editor in place of files. Both come as JSON from standard input."""
+    """Run a command with the texts of an editor in place of files.
+
+    Both come as JSON from standard input.
+    """
     from cellwright.engine.faces.cli import main as command_line
     from cellwright.kb.files import read_unsaved
 

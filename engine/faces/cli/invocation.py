@@ -4,7 +4,11 @@ import sys
 
 from cellwright.engine.faces.cli.bytecode_cache import KeptCode
 from cellwright.engine.faces.cli.option_declarations import is_misfit
-from cellwright.engine.faces.cli.output.answer_output import leave_process, open_streams, writing_output
+from cellwright.engine.faces.cli.output.answer_output import (
+    leave_process,
+    open_streams,
+    writing_output,
+)
 from cellwright.engine.faces.cli.plain_line_parser import plain_call
 from cellwright.engine.faces.cli.process.exit_codes import LIMIT
 from cellwright.engine.faces.cli.process.process_limits import lift_limit, own_process
@@ -19,7 +23,8 @@ def run_command_line(code: KeptCode | None = None) -> None:
     except MemoryError:  # before the work began, or while the answer was printed
         lift_limit()
         sys.stderr.write(
-            "memory: error K419: out of memory\n  try: raise --memory-limit, or make the problem smaller\n"
+            "memory: error K419: out of memory\n  try: raise --memory-limit, or make the "
+            "problem smaller\n"
         )
         leave_process(LIMIT)
         raise
@@ -32,7 +37,10 @@ def run_command_line(code: KeptCode | None = None) -> None:
 
 
 def _run_words(words: list[str]) -> None:
-    """A plain line is read and run without typer. If its words turn out not to fit, typer reads them and tells so."""
+    """A plain line is read and run without typer.
+
+    If its words turn out not to fit, typer reads them and tells so.
+    """
     if call := plain_call(words):
         try:
             with writing_output():

@@ -1,7 +1,7 @@
 """Declarations of arguments and options in the words of typer, but without loading typer.
 
-To load typer takes a fifth of the time of a small task, and a plain command line is read without it (`plain_lines`). For help,
-mistakes and all else `typed` hands typer what is declared here.
+To load typer takes a fifth of the time of a small task, and a plain command line is read without it
+(`plain_lines`). For help, mistakes and all else `typed` hands typer what is declared here.
 """
 
 import sys
@@ -46,12 +46,16 @@ def typer_annotation(annotation: Any) -> Any:
     import typer
 
     return Annotated[
-        annotation.__origin__, getattr(typer, declaration.kind)(*declaration.names, **declaration.settings)
+        annotation.__origin__,
+        getattr(typer, declaration.kind)(*declaration.names, **declaration.settings),
     ]
 
 
 def make_misfit(message: str, code: str = WRONG, param_hint: str | None = None) -> Exception:
-    """A wrong command line, to be raised: typer tells it with the verb that it belongs to. `code` is told to programs."""
+    """A wrong command line, to be raised: typer tells it with the verb that it belongs to.
+
+    `code` is told to programs.
+    """
     import typer
 
     wrong = typer.BadParameter(message, param_hint=param_hint)
@@ -69,7 +73,9 @@ IDLE = "K408"  # the code of an option that would change nothing
 
 
 def refuse_idle(options: Mapping[str, object], why: str) -> None:
-    """Refuse the first of the options that is given, because it would change nothing: raises a `misfit`."""
+    """Refuse the first of the options that is given, because it would change nothing: raises a
+    `misfit`.
+    """
     for name, value in options.items():
         if value:
             raise make_misfit(f"{name} has no effect {why}", IDLE)

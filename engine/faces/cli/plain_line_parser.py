@@ -1,7 +1,8 @@
 """Fast parser of plain command lines, read without typer: a verb, then correct arguments.
 
-Whatever is not plain (help, a mistake, a shortened option, a value out of its range, a group of verbs) is left to typer, which
-reads it from the start. So nothing here refuses anything: a line is read as typer would read it, or not at all.
+Whatever is not plain (help, a mistake, a shortened option, a value out of its range, a group of
+verbs) is left to typer, which reads it from the start. So nothing here refuses anything: a line is
+read as typer would read it, or not at all.
 """
 
 import os
@@ -14,7 +15,13 @@ from types import UnionType
 from typing import Any, get_args, get_origin
 
 from cellwright.engine.faces.cli.option_declarations import declaration_of
-from cellwright.engine.faces.cli.verb_table import VERBS, is_group, load_verb, run_limited, verb_parameters
+from cellwright.engine.faces.cli.verb_table import (
+    VERBS,
+    is_group,
+    load_verb,
+    run_limited,
+    verb_parameters,
+)
 
 WHOLE = re.compile(r"[0-9]{1,15}")
 DECIMAL = re.compile(r"[0-9]{1,15}(\.[0-9]{1,15})?")
@@ -65,7 +72,9 @@ class _Place:
         """A value from its text. Raises `_Unusual` where typer might refuse it."""
         found = _converted(text, self.kind)
         settings = self.declared.settings
-        if settings.keys() - SHOWN - RANGE or not _within(found, settings.get("min"), settings.get("max")):
+        if settings.keys() - SHOWN - RANGE or not _within(
+            found, settings.get("min"), settings.get("max")
+        ):
             raise _Unusual
         callback = settings.get("callback")
         return callback(found) if callback else found
@@ -73,7 +82,11 @@ class _Place:
 
 def plain_call(words: list[str]) -> Callable[[], None] | None:
     """What a plain command line asks for, to be called; None if the line is not plain."""
-    if not words or is_group_or_none(words[0]) or any(name.endswith("_COMPLETE") for name in os.environ):
+    if (
+        not words
+        or is_group_or_none(words[0])
+        or any(name.endswith("_COMPLETE") for name in os.environ)
+    ):
         return None
     called = load_verb(words[0])
     try:
@@ -90,7 +103,9 @@ def is_group_or_none(word: str) -> bool:
 def read(taken: Mapping[str, Parameter], words: list[str]) -> dict[str, Any]:
     """What is given for each parameter, and what the others are by default. Raises `_Unusual`."""
     places = [_Place(each) for each in taken.values()]
-    options = {name: each for each in places if each.declared.kind == "Option" for name in each.names()}
+    options = {
+        name: each for each in places if each.declared.kind == "Option" for name in each.names()
+    }
     given: dict[str, Any] = {}
     bare: list[str] = []
     rest = iter(words)
@@ -104,11 +119,15 @@ def read(taken: Mapping[str, Parameter], words: list[str]) -> dict[str, Any]:
         else:
             _give(given, place, next(rest, "-"))
     _arrange(given, [each for each in places if each.declared.kind == "Argument"], bare)
-    return {each.name: given[each.name] if each.name in given else _default(each) for each in places}
+    return {
+        each.name: given[each.name] if each.name in given else _default(each) for each in places
+    }
 
 
 def _arrange(given: dict[str, Any], arguments: list[_Place], bare: list[str]) -> None:
-    """Give each argument the word at its place; the last one takes all that are left, if it takes many."""
+    """Give each argument the word at its place; the last one takes all that are left, if it
+    takes many.
+    """
     for place in arguments:
         if place.many and place is not arguments[-1]:
             raise _Unusual

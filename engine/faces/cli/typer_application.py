@@ -21,7 +21,8 @@ VERBS_FOR = {
         "stop", "interrupt", "continue", "approve", "answer", "add", "skip", "retry", "back", "correct", "abort",
     ),
     "Find faults": ("diagnose",),
-    "Geometry, parts and measurements": ("cell", "motion", "states", "place", "handey", "measurement"),
+    "Geometry, parts and "
+    "measurements": ("cell", "motion", "states", "place", "handey", "measurement"),
     "Keep and exchange": ("store", "macros", "import", "export"),
 }  # fmt: skip
 """The verbs under each heading, in the order of help."""
@@ -46,13 +47,17 @@ _OPTION = {option: heading for heading, options in OPTIONS_FOR.items() for optio
 
 
 def arrange_help(command: Any, verb: str = "") -> Any:
-    """The same command (and those of a group) with headings, arguments in capitals and one sentence for lists of commands."""
+    """The same command (and those of a group) with headings, arguments in capitals and one
+    sentence for lists of commands.
+    """
     command.rich_help_panel = _HEADING.get(verb)
     command.short_help = first_sentence(command.help or "")
     headed = len(command.params) > HEADED_OPTION_COUNT
     for param in command.params:
         if param.param_type_name == "argument":
-            param.metavar = param.metavar or param.name.upper() + ("..." if param.nargs != 1 else "")
+            param.metavar = param.metavar or param.name.upper() + (
+                "..." if param.nargs != 1 else ""
+            )
         elif headed:
             param.rich_help_panel = _OPTION.get(param.opts[0])
     for inner in getattr(command, "commands", {}).values():
@@ -110,7 +115,9 @@ class Verbs(TyperGroup):
 
 @contextmanager
 def _escaping_messages() -> Iterator[None]:
-    """A context in which no message about the command line repeats what would command the terminal."""
+    """A context in which no message about the command line repeats what would command the
+    terminal.
+    """
     try:
         yield
     except USAGE as wrong:
@@ -187,7 +194,9 @@ def _print_version(asked: bool) -> None:
 def cellwright_options(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="print the version and exit"),
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="print the version and exit"
+        ),
     ] = False,
 ) -> None:
     """Plan and diagnose for robot work cells."""

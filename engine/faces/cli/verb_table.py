@@ -83,10 +83,22 @@ def verb_parameters(verb: Callable[..., None]) -> Mapping[str, inspect.Parameter
 
 
 def run_limited(verb: Callable[..., None], name: str, options: Mapping[str, Any]) -> None:
-    """Call a verb with the limits that are among its options. If it is slow, it tells what it does, by its `name`."""
-    with watching_command(options.get("time_limit"), options.get("memory_limit")), showing_progress(name):
+    """Call a verb with the limits that are among its options.
+
+    If it is slow, it tells what it does, by its `name`.
+    """
+    with (
+        watching_command(options.get("time_limit"), options.get("memory_limit")),
+        showing_progress(name),
+    ):
         taken = verb.__annotations__
-        verb(**{name: value for name, value in options.items() if name in taken or name not in VERB_LIMITS})
+        verb(
+            **{
+                name: value
+                for name, value in options.items()
+                if name in taken or name not in VERB_LIMITS
+            }
+        )
 
 
 def limit_verb(verb: Callable[..., None], name: str) -> Callable[..., None]:

@@ -29,7 +29,9 @@ class CheckingProcess:
         loop = asyncio.get_running_loop()
         try:
             connection.send((domain, edited, dict(unsaved)))
-            answer = await asyncio.wait_for(loop.run_in_executor(None, connection.recv), self._seconds)
+            answer = await asyncio.wait_for(
+                loop.run_in_executor(None, connection.recv), self._seconds
+            )
         except (TimeoutError, EOFError, OSError):
             self.stop()
             return None

@@ -1,6 +1,7 @@
 """Code lenses above a problem or domain: plan it, run it, explain it, check it.
 
-The command line does the work in a process of its own. It reads the texts as the editor has them, saved or not.
+The command line does the work in a process of its own. It reads the texts as the editor has them,
+saved or not.
 """
 
 import asyncio
@@ -45,21 +46,29 @@ def code_lenses(desk: OpenFiles, asked: types.CodeLensParams) -> list[types.Code
     ]
 
 
-async def run_lens_command(server: LanguageServer, desk: OpenFiles, command: str, uri: str) -> dict[str, Any]:
+async def run_lens_command(
+    server: LanguageServer, desk: OpenFiles, command: str, uri: str
+) -> dict[str, Any]:
     """Carry an order out, show what it says, and return it with its exit code."""
     verb, path = LENS_VERBS[command], path_of(uri)
     name = f"{verb} {Path(path).stem}"
     token = f"{name} {uuid.uuid4()}"
     progress = server.work_done_progress
     shown = (
-        server.client_capabilities.window is not None and server.client_capabilities.window.work_done_progress
+        server.client_capabilities.window is not None
+        and server.client_capabilities.window.work_done_progress
     )
     if shown:
         await progress.create_async(token)
-        progress.begin(token, types.WorkDoneProgressBegin(title=f"cellwright {name}", cancellable=True))
+        progress.begin(
+            token, types.WorkDoneProgressBegin(title=f"cellwright {name}", cancellable=True)
+        )
     try:
         code, said = await _run_command(
-            server, [verb, path, "--time-limit", str(COMMAND_TIMEOUT_S)], desk, token if shown else ""
+            server,
+            [verb, path, "--time-limit", str(COMMAND_TIMEOUT_S)],
+            desk,
+            token if shown else "",
         )
     finally:
         if shown:
@@ -95,15 +104,21 @@ async def _run_command(
 
 
 async def _show_output(server: LanguageServer, name: str, code: int, said: str) -> None:
-    """Show what a command printed: as a document if the editor can, with a line about how it ended."""
-    server.window_log_message(types.LogMessageParams(types.MessageType.Info, f"cellwright {name}\n{said}"))
+    """Show what a command printed: as a document if the editor can, with a line about how it
+    ended.
+    """
+    server.window_log_message(
+        types.LogMessageParams(types.MessageType.Info, f"cellwright {name}\n{said}")
+    )
     window = server.client_capabilities.window
     if window is not None and window.show_document is not None and window.show_document.support:
         folder = Path(tempfile.gettempdir()) / f"cellwright-{os.getpid()}"
         folder.mkdir(mode=0o700, exist_ok=True)
         page = folder / f"{name.replace(' ', '-')}.txt"
         page.write_text(said, "utf-8")
-        await server.window_show_document_async(types.ShowDocumentParams(uri=page.as_uri(), take_focus=False))
+        await server.window_show_document_async(
+            types.ShowDocumentParams(uri=page.as_uri(), take_focus=False)
+        )
     lines = [line for line in said.splitlines() if line.strip()] or ["nothing was printed"]
     kind = types.MessageType.Info if code in (0, 10) else types.MessageType.Warning
     server.window_show_message(types.ShowMessageParams(kind, f"{name}: {lines[0].strip()}"))

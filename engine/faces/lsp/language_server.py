@@ -31,13 +31,19 @@ REQUEST_ANSWERS: dict[str, tuple[Callable[[OpenFiles, Any], Any], Any]] = {
     types.TEXT_DOCUMENT_DOCUMENT_SYMBOL: (request_answers.outline_symbols, None),
     types.WORKSPACE_SYMBOL: (request_answers.workspace_symbols, None),
     types.TEXT_DOCUMENT_PREPARE_RENAME: (request_answers.prepare_rename, None),
-    types.TEXT_DOCUMENT_RENAME: (request_answers.rename_edit, types.RenameOptions(prepare_provider=True)),
+    types.TEXT_DOCUMENT_RENAME: (
+        request_answers.rename_edit,
+        types.RenameOptions(prepare_provider=True),
+    ),
     types.TEXT_DOCUMENT_CODE_ACTION: (
         request_answers.code_actions,
         types.CodeActionOptions(code_action_kinds=[types.CodeActionKind.QuickFix]),
     ),
     types.TEXT_DOCUMENT_FORMATTING: (request_answers.format_text, None),
-    types.TEXT_DOCUMENT_CODE_LENS: (code_lenses.code_lenses, types.CodeLensOptions(resolve_provider=False)),
+    types.TEXT_DOCUMENT_CODE_LENS: (
+        code_lenses.code_lenses,
+        types.CodeLensOptions(resolve_provider=False),
+    ),
 }
 """For each request: what answers it from the texts, and what the editor is told about it."""
 
@@ -54,16 +60,22 @@ def serve_editor() -> None:
 
 
 def _is_failure(record: logging.LogRecord) -> bool:
-    """Whether a message of the log is about a failure. A request that is refused, with the reason, is none."""
+    """Whether a message of the log is about a failure.
+
+    A request that is refused, with the reason, is none.
+    """
     return not (
-        record.exc_info and isinstance(record.exc_info[1], JsonRpcInvalidParams | JsonRpcRequestCancelled)
+        record.exc_info
+        and isinstance(record.exc_info[1], JsonRpcInvalidParams | JsonRpcRequestCancelled)
     )
 
 
 def make_server() -> tuple[LanguageServer, LiveDiagnostics]:
     """A server, and what finds errors for it."""
     server = LanguageServer(
-        SERVER_NAME, _package_version(), text_document_sync_kind=types.TextDocumentSyncKind.Incremental
+        SERVER_NAME,
+        _package_version(),
+        text_document_sync_kind=types.TextDocumentSyncKind.Incremental,
     )
     desk = OpenFiles()
     findings = LiveDiagnostics(desk, server.text_document_publish_diagnostics)
@@ -120,7 +132,9 @@ def _hear_editor(server: LanguageServer, desk: OpenFiles, findings: LiveDiagnost
 
 
 def _own_streams() -> tuple[Any, Any]:
-    """The streams of the protocol, moved away so that nothing else writes to them: what is printed goes to standard error."""
+    """The streams of the protocol, moved away so that nothing else writes to them: what is
+    printed goes to standard error.
+    """
     entry, answer = os.dup(0), os.dup(1)
     silence = os.open(os.devnull, os.O_RDONLY)
     os.dup2(silence, 0)

@@ -7,7 +7,11 @@ from collections.abc import Callable, Iterable, Mapping
 from lsprotocol import types
 from pygls.uris import from_fs_path
 
-from cellwright.engine.authoring.editor_view import EditorFindings, quick_findings, thorough_findings
+from cellwright.engine.authoring.editor_view import (
+    EditorFindings,
+    quick_findings,
+    thorough_findings,
+)
 from cellwright.engine.faces.lsp.checking_process import CheckingProcess
 from cellwright.engine.faces.lsp.open_files import OpenFiles, TextLines
 from cellwright.kb.diagnostics import Diagnostic, Source
@@ -24,7 +28,10 @@ class LiveDiagnostics:
     def __init__(self, desk: OpenFiles, publish: Publish) -> None:
         self.desk, self.publish = desk, publish
         self.found: dict[str, list[Diagnostic]] = {}  # by absolute path, as published
-        self._helpers = CheckingProcess(quick_findings, QUICK), CheckingProcess(thorough_findings, THOROUGH)
+        self._helpers = (
+            CheckingProcess(quick_findings, QUICK),
+            CheckingProcess(thorough_findings, THOROUGH),
+        )
         self._tasks: dict[tuple[str, bool], asyncio.Task[None]] = {}
         self._turns = asyncio.Lock(), asyncio.Lock()
         self._edits: dict[str, int] = {}
@@ -66,7 +73,9 @@ class LiveDiagnostics:
             parameters = seen.parameters or before.parameters
             kept = EditorFindings(seen.findings, read, False, before.examples, parameters)
         self.desk.seen[domain] = kept
-        by_file: dict[str, list[Diagnostic]] = {checked_path: [] for checked_path in (*seen.read, *edited)}
+        by_file: dict[str, list[Diagnostic]] = {
+            checked_path: [] for checked_path in (*seen.read, *edited)
+        }
         for finding in seen.findings:
             by_file.setdefault(os.path.abspath(finding.where.path), []).append(finding)
         for path, path_findings in by_file.items():
@@ -96,7 +105,9 @@ class LiveDiagnostics:
 
 
 def lsp_diagnostic(found: Diagnostic, lines: TextLines) -> types.Diagnostic:
-    """A finding as editors show it: at the word that begins at its place; the hint is part of the message."""
+    """A finding as editors show it: at the word that begins at its place; the hint is part of
+    the message.
+    """
     number = min(max(found.where.line - 1, 0), len(lines.starts) - 1)
     start = lines.starts[number] + max(found.where.column - 1, 0)
     start = min(start, len(lines.text))
@@ -116,7 +127,11 @@ def _use_of_device(where: Source) -> list[types.DiagnosticRelatedInformation] | 
         return None
     place = types.Position(max(used.line - 1, 0), max(used.column - 1, 0))
     uri = from_fs_path(os.path.abspath(used.path)) or used.path
-    return [types.DiagnosticRelatedInformation(types.Location(uri, types.Range(place, place)), "used here")]
+    return [
+        types.DiagnosticRelatedInformation(
+            types.Location(uri, types.Range(place, place)), "used here"
+        )
+    ]
 
 
 def _word_end(text: str, start: int, column: int) -> int:

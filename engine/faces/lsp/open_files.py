@@ -37,7 +37,9 @@ class TextLines:
         self.starts = [0, *(line_end.end() for line_end in _END.finditer(text))]
 
     def offset(self, position: types.Position) -> int:
-        """The place of a position; positions behind the end of a line or of the text mean that end."""
+        """The place of a position; positions behind the end of a line or of the text mean that
+        end.
+        """
         if position.line >= len(self.starts):
             return len(self.text)
         start = self.starts[position.line]
@@ -56,7 +58,11 @@ class TextLines:
         offset = min(max(offset, 0), len(self.text))
         line = bisect_right(self.starts, offset) - 1
         before = self.text[self.starts[line] : offset]
-        character = len(before) if before.isascii() else len(before.encode("utf-16-le", "surrogatepass")) // 2
+        character = (
+            len(before)
+            if before.isascii()
+            else len(before.encode("utf-16-le", "surrogatepass")) // 2
+        )
         return types.Position(line, character)
 
     def range(self, start: int, end: int) -> types.Range:
@@ -149,7 +155,9 @@ class OpenFiles:
         if (page := self.page(uri)) is None:
             return None
         index = self.index(page.file.path, page.file)
-        file = next(index_file for index_file in index.files.values() if index_file.path == page.file.path)
+        file = next(
+            index_file for index_file in index.files.values() if index_file.path == page.file.path
+        )
         return IndexedPage(file, page.lines, index)
 
     def page(self, uri: str) -> Page | None:
@@ -190,7 +198,12 @@ class OpenFiles:
             return _nearest_domain(path)
         with read_unsaved(self.texts):
             name = next(
-                (occurrence.name for _, occurrence in file.occurrences() if occurrence.space == "domain"), ""
+                (
+                    occurrence.name
+                    for _, occurrence in file.occurrences()
+                    if occurrence.space == "domain"
+                ),
+                "",
             )
             domain_path = domain_called(name, Path(path).parent) if name else None
         return os.path.abspath(domain_path) if domain_path is not None else _nearest_domain(path)
@@ -200,7 +213,9 @@ class OpenFiles:
         domain = self.domain(path)
         devices = self.devices(domain)
         folders = {os.path.dirname(device.path) for device in devices}
-        together = (member for member in self._together(domain) if os.path.dirname(member) not in folders)
+        together = (
+            member for member in self._together(domain) if os.path.dirname(member) not in folders
+        )
         files = {member: member_index for member in together if (member_index := self.file(member))}
         files |= {f"{device.path}#{device.use}": device for device in devices}
         if all(device.path != path for device in devices):
@@ -219,25 +234,39 @@ class OpenFiles:
         if section != said or any(self.file(path) is not mark for path, mark in marks.items()):
             with read_unsaved(self.texts) as read:
                 device_files = tuple(devices_in_use(section, Path(domain)))
-            self._devices[domain] = section, {path: self.file(path) for path in read.read}, device_files
+            self._devices[domain] = (
+                section,
+                {path: self.file(path) for path in read.read},
+                device_files,
+            )
         return device_files
 
     def _user(self, path: str) -> str:
-        """The domain that uses the device that a file belongs to: an open one, else one near the file."""
+        """The domain that uses the device that a file belongs to: an open one, else one near
+        the file.
+        """
         domains = dict.fromkeys(
             self.domain(text_path) for text_path in [*self.texts] if not _of_device(text_path)
         )
-        users = (domain for domain in domains if any(path == used.path for used in self.devices(domain)))
+        users = (
+            domain for domain in domains if any(path == used.path for used in self.devices(domain))
+        )
         return next(users, _nearest_domain(path))
 
     def _together(self, domain: str) -> dict[str, None]:
-        """The files of a domain: those that it includes, that were read with it, that lie beside it, and its problems."""
+        """The files of a domain: those that it includes, that were read with it, that lie
+        beside it, and its problems.
+        """
         if not domain:
             return {}
         folder = Path(domain).parent
         members: dict[str, None] = {domain: None}
         if (file := self.file(domain)) is not None:
-            named = (occurrence.name for _, occurrence in file.occurrences() if occurrence.space == "file")
+            named = (
+                occurrence.name
+                for _, occurrence in file.occurrences()
+                if occurrence.space == "file"
+            )
             members |= dict.fromkeys(os.path.abspath(folder / included) for included in named)
         members |= dict.fromkeys(str(folder / name_beside) for name_beside in FILES_BESIDE_DOMAIN)
         with contextlib.suppress(InvalidInput):

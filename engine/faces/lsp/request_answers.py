@@ -9,7 +9,12 @@ from cellwright.engine.faces.lsp.open_files import IndexedPage, OpenFiles, Page
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.editing.completions import Completion, list_completions
 from cellwright.kb.editing.file_layout import format_file
-from cellwright.kb.editing.name_descriptions import OutlineEntry, comment_at, describe_name, file_outline
+from cellwright.kb.editing.name_descriptions import (
+    OutlineEntry,
+    comment_at,
+    describe_name,
+    file_outline,
+)
 from cellwright.kb.editing.name_index import FileIndex, Symbol
 from cellwright.kb.editing.name_occurrences import Occurrence
 from cellwright.kb.editing.text_changes import (
@@ -77,11 +82,14 @@ def complete_name(desk: OpenFiles, asked: Place) -> types.CompletionList:
     offset = page.lines.offset(asked.position)
     candidates = list_completions(page.index, page.file, offset)
     return types.CompletionList(
-        False, [_completion_item(page, offset, candidate, n) for n, candidate in enumerate(candidates)]
+        False,
+        [_completion_item(page, offset, candidate, n) for n, candidate in enumerate(candidates)],
     )
 
 
-def _completion_item(here: IndexedPage, offset: int, each: Completion, number: int) -> types.CompletionItem:
+def _completion_item(
+    here: IndexedPage, offset: int, each: Completion, number: int
+) -> types.CompletionItem:
     edit = types.TextEdit(here.lines.range(offset - each.length, offset), each.insert or each.label)
     snippet = "$" in each.insert
     declared = here.index.declarations.get((each.kind, each.label))
@@ -94,14 +102,18 @@ def _completion_item(here: IndexedPage, offset: int, each: Completion, number: i
         detail=each.detail or None,
         documentation=comment_text or None,
         sort_text=f"{number:05d}",
-        insert_text_format=types.InsertTextFormat.Snippet if snippet else types.InsertTextFormat.PlainText,
+        insert_text_format=types.InsertTextFormat.Snippet
+        if snippet
+        else types.InsertTextFormat.PlainText,
         text_edit=edit,
     )
 
 
 def _symbol_at(desk: OpenFiles, asked: Place) -> tuple[IndexedPage, Symbol] | None:
     page = desk.here(asked.text_document.uri)
-    symbols_there = page.index.symbol(page.file, page.lines.offset(asked.position)) if page else None
+    symbols_there = (
+        page.index.symbol(page.file, page.lines.offset(asked.position)) if page else None
+    )
     return None if page is None or symbols_there is None else (page, symbols_there[0])
 
 
@@ -118,7 +130,11 @@ def find_definitions(desk: OpenFiles, asked: Place) -> list[types.Location]:
         ]
     if symbol.space == "domain":
         domain = desk.domain(page.file.path)
-        return [types.Location(desk.uri(domain), types.Range(types.Position(0, 0), types.Position(0, 0)))]
+        return [
+            types.Location(
+                desk.uri(domain), types.Range(types.Position(0, 0), types.Position(0, 0))
+            )
+        ]
     return [_name_location(desk, *place) for place in page.index.definitions(symbol)]
 
 
@@ -126,7 +142,9 @@ def _file_location(desk: OpenFiles, file: FileIndex, name: str) -> types.Locatio
     """The beginning of an included file."""
     if not file.path.endswith(f"/{name}"):
         return None
-    return types.Location(desk.uri(file.path), types.Range(types.Position(0, 0), types.Position(0, 0)))
+    return types.Location(
+        desk.uri(file.path), types.Range(types.Position(0, 0), types.Position(0, 0))
+    )
 
 
 def find_references(desk: OpenFiles, asked: types.ReferenceParams) -> list[types.Location]:
@@ -164,10 +182,14 @@ def _name_location(desk: OpenFiles, file: FileIndex, each: Occurrence) -> types.
     return types.Location(desk.uri(file.path), desk.lines(file).range(each.start, each.end))
 
 
-def outline_symbols(desk: OpenFiles, asked: types.DocumentSymbolParams) -> list[types.DocumentSymbol]:
+def outline_symbols(
+    desk: OpenFiles, asked: types.DocumentSymbolParams
+) -> list[types.DocumentSymbol]:
     """The outline of a file."""
     page = desk.page(asked.text_document.uri)
-    return [] if page is None else [_outline_entry(page, entry) for entry in file_outline(page.file)]
+    return (
+        [] if page is None else [_outline_entry(page, entry) for entry in file_outline(page.file)]
+    )
 
 
 def _outline_entry(page: Page, each: OutlineEntry) -> types.DocumentSymbol:
@@ -181,7 +203,9 @@ def _outline_entry(page: Page, each: OutlineEntry) -> types.DocumentSymbol:
     )
 
 
-def workspace_symbols(desk: OpenFiles, asked: types.WorkspaceSymbolParams) -> list[types.WorkspaceSymbol]:
+def workspace_symbols(
+    desk: OpenFiles, asked: types.WorkspaceSymbolParams
+) -> list[types.WorkspaceSymbol]:
     """The declared names that contain a text, in the domains of open files."""
     matches: dict[tuple[str, int, str], types.WorkspaceSymbol] = {}
     for path in list(desk.texts):
@@ -217,7 +241,9 @@ def rename_edit(desk: OpenFiles, asked: types.RenameParams) -> types.WorkspaceEd
         return None
     try:
         offset = page.lines.offset(asked.position)
-        return workspace_edit(desk, rename_occurrences(page.index, page.file, offset, asked.new_name))
+        return workspace_edit(
+            desk, rename_occurrences(page.index, page.file, offset, asked.new_name)
+        )
     except NotRenamed as refused:
         raise JsonRpcInvalidParams(message=str(refused)) from None
 
@@ -257,7 +283,10 @@ def _fix_action(desk: OpenFiles, shown: types.Diagnostic, fix: Fix) -> types.Cod
 
 
 def _finding_now(here: IndexedPage, shown: types.Diagnostic) -> Diagnostic | None:
-    """The finding that an editor shows, where it is now. Editors move findings along with the text."""
+    """The finding that an editor shows, where it is now.
+
+    Editors move findings along with the text.
+    """
     if shown.source != "cellwright" or not isinstance(shown.code, str):
         return None
     message, _, hint = shown.message.partition("\ntry: ")

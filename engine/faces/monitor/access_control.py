@@ -1,8 +1,8 @@
 """Who may ask the monitor for what: hosts, tokens, cookies; a repeated request acts once.
 
-Only requests that name the address under which the monitor is served come in, so a page of another site cannot reach it through
-a name of its own. Whatever changes something is a POST with the token of the page and a key, and counts once. Beyond this
-machine, everything needs the token.
+Only requests that name the address under which the monitor is served come in, so a page of another
+site cannot reach it through a name of its own. Whatever changes something is a POST with the token
+of the page and a key, and counts once. Beyond this machine, everything needs the token.
 """
 
 import hmac
@@ -23,7 +23,10 @@ SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
 
 class AccessControl:
-    """Lets requests through to `app`, or refuses them. `local` says that only this machine can reach the address."""
+    """Lets requests through to `app`, or refuses them.
+
+    `local` says that only this machine can reach the address.
+    """
 
     def __init__(self, app: App, hosts: Iterable[str], token: str, local: bool) -> None:
         self.app, self._hosts = app, {host.lower() for host in hosts}
@@ -35,7 +38,8 @@ class AccessControl:
             await self.app(scope, receive, send)
             return
         headers = {
-            name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]
+            name.decode("latin-1").lower(): value.decode("latin-1")
+            for name, value in scope["headers"]
         }
         refused = self._refusal(scope, headers)
         if refused is None:
@@ -72,7 +76,9 @@ class AccessControl:
         return parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [])
 
     def _remembering(self, scope: Scope, send: Send) -> Send:
-        """`send`, with a cookie if the token was in the address, so that the page's files come, too."""
+        """`send`, with a cookie if the token was in the address, so that the page's files come,
+        too.
+        """
         if self._local or not any(_same_secret(token, self._token) for token in self._asked(scope)):
             return send
 
@@ -86,7 +92,9 @@ class AccessControl:
 
 
 class IdempotencyCache:
-    """Keys of changing requests that have been answered, with their answers: a request that comes again changes nothing."""
+    """Keys of changing requests that have been answered, with their answers: a request that
+    comes again changes nothing.
+    """
 
     def __init__(self) -> None:
         self._answers: OrderedDict[str, Any] = OrderedDict()
@@ -122,6 +130,9 @@ def _token_cookie(text: str) -> str:
 
 async def _send_refusal(send: Send, status: int, why: str) -> None:
     body = why.encode()
-    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"content-length", str(len(body)).encode())]
+    headers = [
+        (b"content-type", b"text/plain; charset=utf-8"),
+        (b"content-length", str(len(body)).encode()),
+    ]
     await send({"type": "http.response.start", "status": status, "headers": headers})
     await send({"type": "http.response.body", "body": body})

@@ -34,7 +34,9 @@ Target = tuple[str, str, str]  # target, goals, command, as a run was begun with
 
 
 class RunMotions:
-    """The motions of the steps that one run has begun, in their order; `why_none` tells why there are none."""
+    """The motions of the steps that one run has begun, in their order; `why_none` tells why
+    there are none.
+    """
 
     def __init__(self, store: str, run: str, target: Target) -> None:
         self.taken: list[TakenStep] = []
@@ -80,7 +82,9 @@ def worker_pool() -> ProcessPoolExecutor:
 def further_motions(
     store: str, run: str, target: Target, since: int, until: int
 ) -> tuple[int, list[TakenStep], str]:
-    """The number of the record that was looked at last, the motions of steps behind record `since`, and why there can be none."""
+    """The number of the record that was looked at last, the motions of steps behind record
+    `since`, and why there can be none.
+    """
     try:
         follower, retracing, seen = _retracing_of(store, run, target)
     except InvalidInput as refused:
@@ -102,7 +106,9 @@ def further_motions(
 
 
 @lru_cache(MAX_RETRACED_RUNS)
-def _retracing_of(store: str, run: str, target: Target) -> tuple[RunFollower, Retracing, list[TakenStep]]:
+def _retracing_of(
+    store: str, run: str, target: Target
+) -> tuple[RunFollower, Retracing, list[TakenStep]]:
     from cellwright.engine.pipelines.planning.checked_plan import problem_of
     from cellwright.engine.plugins import geometry_backend
     from cellwright.kb.loader.cell import cell_of
@@ -123,7 +129,9 @@ def _ground_task(target: Target) -> GroundTask:
 
 
 def step_reasons(target: Target, steps: Sequence[dict[str, Any]], number: int) -> list[str]:
-    """What a step (by its id) of a plan is good for; `steps` are those of the plan in its order, as a record has them."""
+    """What a step (by its id) of a plan is good for; `steps` are those of the plan in its
+    order, as a record has them.
+    """
     place = [step["id"] for step in steps].index(number)
     try:
         task = _ground_task(target)
@@ -154,7 +162,8 @@ def exception_tree_svg(target: str, exception: str, step: str) -> str:
 
 
 def contact_states(target: str, facts: Collection[str]) -> tuple[str, list[tuple[str, ...]]]:
-    """The net of the cell's contact states as SVG, marked as facts tell, and for each object: its place, and who else is there.
+    """The net of the cell's contact states as SVG, marked as facts tell, and for each object: its
+    place, and who else is there.
 
     A sentence and nothing if the cell has no contact model.
     """
@@ -199,7 +208,9 @@ def sequence_picture(target: Target, plan: dict[str, Any]) -> str | None:
 
 
 def pickable_picture(drawn: str, chosen: str) -> str:
-    """The picture with dots that a click chooses; those that belong to what is chosen have a rim."""
+    """The picture with dots that a click chooses; those that belong to what is chosen have a
+    rim.
+    """
 
     def step(found: re.Match[str]) -> str:
         name = unescape(found[2].partition(": ")[2])
@@ -212,14 +223,19 @@ def pickable_picture(drawn: str, chosen: str) -> str:
 
 @lru_cache(16)
 def _measured_places(target: Target) -> tuple[Conventions, dict[str, tuple[str, Spot]]]:
-    """The domain's words; and for each place the measurement that is made there, with its point in metres."""
+    """The domain's words; and for each place the measurement that is made there, with its point
+    in metres.
+    """
     from cellwright.engine.pipelines.planning.checked_plan import problem_of
 
     try:
         problem = problem_of(*target)
     except InvalidInput:
         return Conventions(), {}
-    words, spots = problem.domain.conventions, {**_of_cell(problem, target[0]), **_of_problem(problem)}
+    words, spots = (
+        problem.domain.conventions,
+        {**_of_cell(problem, target[0]), **_of_problem(problem)},
+    )
     return words, {words.place(name): (name, at) for name, at in spots.items()}
 
 
@@ -227,7 +243,9 @@ def _of_problem(problem: Problem) -> dict[str, Spot]:
     spots = {}
     for fact in problem.statics:
         numbers = [
-            argument.value * MICROMETRE_M for argument in fact.arguments[1:] if isinstance(argument, Number)
+            argument.value * MICROMETRE_M
+            for argument in fact.arguments[1:]
+            if isinstance(argument, Number)
         ]
         if fact.name == problem.domain.conventions.position and len(numbers) == 3:
             spots[str(fact.arguments[0])] = (numbers[0], numbers[1], numbers[2])
@@ -241,4 +259,6 @@ def _of_cell(problem: Problem, target: str) -> dict[str, Spot]:
         return {}
     words = problem.domain.conventions
     named = {name: places.get(words.place(name)) for name in measurements_of(problem)}
-    return {name: place.placement.pose.position_m for name, place in named.items() if place is not None}
+    return {
+        name: place.placement.pose.position_m for name, place in named.items() if place is not None
+    }

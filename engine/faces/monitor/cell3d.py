@@ -87,7 +87,9 @@ class Cell3D(RunView):
 
     def _clicked(self, event: events.SceneClickEventArguments) -> None:
         """A double click chooses a body."""
-        body_name = next((hit.object_name for hit in event.hits if hit.object_name in self._bodies), "")
+        body_name = next(
+            (hit.object_name for hit in event.hits if hit.object_name in self._bodies), ""
+        )
         if body_name:
             self.look.choose(body_name)
 
@@ -110,14 +112,25 @@ class Cell3D(RunView):
         self._place({name: tuple(pose.ravel().round(6)) for name, pose in poses.items()})
         self._paint(self._solids.touching(world, last))
         self._draw_path(last if share < 1.0 else None)
-        self._motion.set_text(motions.why_none or _motion_text(last, share, motions.looked < run.number))
+        self._motion.set_text(
+            motions.why_none or _motion_text(last, share, motions.looked < run.number)
+        )
 
     def _met(self, told: Mapping[str, Any]) -> dict[str, Floats]:
-        """Where the bodies are that the arm has met, T_world_body (4, 4). Those that the cell does not know are boxes here."""
+        """Where the bodies are that the arm has met, T_world_body (4, 4).
+
+        Those that the cell does not know are boxes here.
+        """
         assert self._solids is not None
         seen = seen_in({BODIES_SEEN: told}, self._solids.cell)[0]
-        boxes = {body.name: body.box_m for body in seen if body.name not in self._solids.names and body.box_m}
-        for name in self._boxes.keys() - {n for n, box in boxes.items() if self._boxes.get(n) == box}:
+        boxes = {
+            body.name: body.box_m
+            for body in seen
+            if body.name not in self._solids.names and body.box_m
+        }
+        for name in self._boxes.keys() - {
+            n for n, box in boxes.items() if self._boxes.get(n) == box
+        }:
             self._bodies.pop(name).delete()
             self._sent.pop(name, None)
             self._painted.pop(name, None)
@@ -129,7 +142,11 @@ class Cell3D(RunView):
 
     def _place(self, poses: dict[str, tuple[float, ...]]) -> None:
         """Tell the page where the bodies are that are not where they were."""
-        new = {self._bodies[name].id: pose for name, pose in poses.items() if self._sent.get(name) != pose}
+        new = {
+            self._bodies[name].id: pose
+            for name, pose in poses.items()
+            if self._sent.get(name) != pose
+        }
         self._sent = poses
         if new:
             ui.run_javascript(f"placed({self._scene.id}, {json.dumps(new)})")
@@ -137,7 +154,9 @@ class Cell3D(RunView):
     def _paint(self, pairs: Sequence[tuple[str, str]]) -> None:
         assert self._solids is not None
         red = {name for pair in pairs for name in pair}
-        chosen = {name for name in self._bodies if self.look.step and names_any([name], [self.look.step])}
+        chosen = {
+            name for name in self._bodies if self.look.step and names_any([name], [self.look.step])
+        }
         painted = dict.fromkeys(chosen, CHOSEN) | dict.fromkeys(red, RED)
         for name in painted.keys() | self._painted.keys():
             if painted.get(name) != self._painted.get(name):
@@ -167,7 +186,9 @@ def _motion_text(last: TakenStep | None, share: float, looking: bool) -> str:
     return f"{last.motion.operator}: {round(100 * share)} %" if share < 1.0 else "the arm rests"
 
 
-def body_scene(solids: CellBodies, clicks: Sequence[str] = ()) -> tuple[ui.scene, dict[str, Object3D]]:
+def body_scene(
+    solids: CellBodies, clicks: Sequence[str] = ()
+) -> tuple[ui.scene, dict[str, Object3D]]:
     """The bodies of a cell in a scene; each has its name."""
     camera = ui.scene.perspective_camera(fov=45)
     scene = ui.scene(
@@ -184,7 +205,9 @@ def body_scene(solids: CellBodies, clicks: Sequence[str] = ()) -> tuple[ui.scene
     )
     with scene:
         bodies: dict[str, Object3D] = {
-            name: scene.stl(f"/solids/{solids.key}/{number}").with_name(name).material(solids.colours[name])
+            name: scene.stl(f"/solids/{solids.key}/{number}")
+            .with_name(name)
+            .material(solids.colours[name])
             for number, name in enumerate(solids.names)
         }
     return scene, bodies
@@ -193,5 +216,7 @@ def body_scene(solids: CellBodies, clicks: Sequence[str] = ()) -> tuple[ui.scene
 def turn_camera(scene: ui.scene, solids: CellBodies, side: str, seconds: float) -> None:
     """Look at everything from a side."""
     middle, reach = solids.extent
-    away = [at + 1.7 * reach * part for at, part in zip(middle.tolist(), VIEW_SIDES[side], strict=True)]
+    away = [
+        at + 1.7 * reach * part for at, part in zip(middle.tolist(), VIEW_SIDES[side], strict=True)
+    ]
     scene.move_camera(*[*away, *middle.tolist(), *VIEW_UP, seconds])

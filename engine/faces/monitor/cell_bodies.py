@@ -7,7 +7,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.pipelines.execution.journal_motions import RestingCell, TakenStep, world_during
+from cellwright.engine.pipelines.execution.journal_motions import (
+    RestingCell,
+    TakenStep,
+    world_during,
+)
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry.pictures import viewer_files
 from cellwright.engine.stages.geometry.pictures.picture_surfaces import KIND_COLOURS, kind_of_body
@@ -32,7 +36,9 @@ class CellBodies:
     @cached_property
     def files(self) -> tuple[bytes, ...]:
         """Each body as STL, in its own frame."""
-        return tuple(viewer_files.stl_of_triangles(body_corners) for body_corners in self.corners.values())
+        return tuple(
+            viewer_files.stl_of_triangles(body_corners) for body_corners in self.corners.values()
+        )
 
     @cached_property
     def key(self) -> str:
@@ -43,14 +49,18 @@ class CellBodies:
     def colours(self) -> dict[str, str]:
         """The colour of each body as HTML writes it."""
         return {
-            name: _html_colour(KIND_COLOURS[kind_of_body(self.resting.home, name)]) for name in self.names
+            name: _html_colour(KIND_COLOURS[kind_of_body(self.resting.home, name)])
+            for name in self.names
         }
 
     @cached_property
     def extent(self) -> tuple[Floats, float]:
         """The middle (3,) of everything, and how far it reaches from there (m)."""
         placed = viewer_files.body_poses(self.resting.home, self.names)
-        parts = [self.corners[n].reshape(-1, 3) @ placed[n][:3, :3].T + placed[n][:3, 3] for n in self.names]
+        parts = [
+            self.corners[n].reshape(-1, 3) @ placed[n][:3, :3].T + placed[n][:3, 3]
+            for n in self.names
+        ]
         points = np.concatenate(parts) if parts else np.zeros((1, 3))
         low, high = points.min(axis=0), points.max(axis=0)
         return (low + high) / 2, max(0.1, float(np.linalg.norm(high - low)) / 2)
@@ -59,8 +69,12 @@ class CellBodies:
         """T_world_body (4, 4) of each body."""
         return viewer_files.body_poses(world, self.names)
 
-    def world(self, taken: Collection[TakenStep], share: float, facts: Collection[Atom]) -> GeometricWorld:
-        """The cell when a share of the last motion is over; other arms are where their last motions left them."""
+    def world(
+        self, taken: Collection[TakenStep], share: float, facts: Collection[Atom]
+    ) -> GeometricWorld:
+        """The cell when a share of the last motion is over; other arms are where their last
+        motions left them.
+        """
         if not taken:
             return self.resting.with_facts(frozenset(facts))
         *earlier, last = taken
@@ -74,7 +88,9 @@ class CellBodies:
                 world = world.moved(arm, q)
         return world
 
-    def touching(self, world: GeometricWorld, taken: TakenStep | None) -> tuple[tuple[str, str], ...]:
+    def touching(
+        self, world: GeometricWorld, taken: TakenStep | None
+    ) -> tuple[tuple[str, str], ...]:
         """The pairs of bodies that touch and must not, with what the step's place allows."""
         name = taken.motion.place if taken is not None else ""
         place = self.cell.places.get(name) or Place("", Placement(), next(iter(self.cell.arms), ""))
@@ -86,7 +102,8 @@ class CellBodies:
     def _reach(self, world: GeometricWorld) -> PlaceReachability:
         """What is reached where the bodies stand as they do here."""
         key = frozenset(
-            (name, at.parent, at.T_parent_frame.round(6).tobytes()) for name, at in world.placed.items()
+            (name, at.parent, at.T_parent_frame.round(6).tobytes())
+            for name, at in world.placed.items()
         )
         if key not in self._reached:
             while len(self._reached) >= MAX_CELLS:
@@ -104,7 +121,9 @@ def moving_arm(taken: TakenStep) -> str:
 def _last_places(resting: RestingCell, taken: Collection[TakenStep]) -> Mapping[str, Floats]:
     """Where each arm was left by its last motion."""
     last = {moving_arm(motion): motion for motion in taken if moving_arm(motion)}
-    return {arm: world_during(resting, motion, 1.0).configurations[arm] for arm, motion in last.items()}
+    return {
+        arm: world_during(resting, motion, 1.0).configurations[arm] for arm, motion in last.items()
+    }
 
 
 def _html_colour(colour: tuple[float, float, float]) -> str:

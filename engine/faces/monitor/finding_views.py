@@ -47,7 +47,9 @@ class DiagnosisView(RunView):
 
     def make(self) -> None:
         """Make what is shown, still empty."""
-        self._table = make_table(self.look.choose, "at", "what", "of", "outcome", "belief before it")
+        self._table = make_table(
+            self.look.choose, "at", "what", "of", "outcome", "belief before it"
+        )
         button = ui.button("Decision tree of the last exception", on_click=self._tree)
         button.props('dense no-caps outline data-testid="tree"')
         self._picture = ui.html("", sanitize=False).props('data-testid="decision-tree"')
@@ -80,7 +82,9 @@ class DiagnosisView(RunView):
             return
         last = cases[-1]
         target = self.look.shared.target(self.look.run.run)[0]
-        asked = self.look.shared.workers.submit(exception_tree_svg, target, last["exception"], last["action"])
+        asked = self.look.shared.workers.submit(
+            exception_tree_svg, target, last["exception"], last["action"]
+        )
         self._picture.set_content("Looking for the cheapest tests ...")
         self._picture.set_content(dark_picture(await asyncio.wrap_future(asked)))
 
@@ -110,7 +114,9 @@ def _finding_row(each: dict[str, Any]) -> tuple[str, ...]:
 
 
 class ResultsView(RunView):
-    """What was measured beside its limits, and a run chart for each feature that was measured more than once."""
+    """What was measured beside its limits, and a run chart for each feature that was measured
+    more than once.
+    """
 
     name = "results"
 
@@ -118,12 +124,16 @@ class ResultsView(RunView):
         """Make what is shown, still empty."""
         with ui.row():
             for form in ResultForm:
-                button = ui.button(f"Save as {form.value}", on_click=lambda _, form=form: self._save(form))
+                button = ui.button(
+                    f"Save as {form.value}", on_click=lambda _, form=form: self._save(form)
+                )
                 button.props(f'dense no-caps outline data-testid="save-{form.value}"')
         self._table = make_table(
             self.look.choose, "of", "quantity", "value", "nominal", "from", "to", "", "at"
         )
-        self._none = ui.label("nothing was measured yet; what was done to each object is told by `objects`")
+        self._none = ui.label(
+            "nothing was measured yet; what was done to each object is told by `objects`"
+        )
         self._charts = ui.row()
         self._drawn: tuple[object, ...] = ()
 
@@ -143,7 +153,9 @@ class ResultsView(RunView):
         features: dict[str, list[dict[str, Any]]] = defaultdict(list)
         for measured in run.results:
             if "value" in measured:
-                features[f"{measured.get('of', '')} {measured.get('quantity', '')}"].append(measured)
+                features[f"{measured.get('of', '')} {measured.get('quantity', '')}"].append(
+                    measured
+                )
         self._charts.clear()
         with self._charts:
             for name, values in list(features.items())[:24]:
@@ -162,7 +174,11 @@ def _result_row(each: dict[str, Any]) -> tuple[str, ...]:
     numbers = [each.get(key) for key in ("nominal", "lower", "upper")]
     said = ["" if value is None else f"{value:g}" for value in numbers]
     verdict = {True: "✓ passed", False: "✗ FAILED"}.get(each.get("passed"), "not judged")  # type: ignore[arg-type]
-    value = f"{each['value']:g} {each.get('unit', '')}" if "value" in each else str(each.get("result", ""))
+    value = (
+        f"{each['value']:g} {each.get('unit', '')}"
+        if "value" in each
+        else str(each.get("result", ""))
+    )
     return (
         each.get("of", each["action"]),
         each.get("quantity", ""),

@@ -20,11 +20,15 @@ NUMBER_CELL = """<q-td :props="props"><q-input dense borderless type="number" v-
   :aria-label="props.col.name + ' of ' + props.row.name" input-style="width: 5em" :readonly="READ_ONLY"
   @change="() => $parent.$emit('edited', props.row)" /></q-td>"""
 ANY_TOOL = "any"  # tool
-CHOSEN, WRITTEN, SIZE = "#d02090", "#1f6fb5", 0.012  # colours, and how large a point is shown, of everything
+# colours, and how large a point is shown, of everything
+CHOSEN, WRITTEN, SIZE = "#d02090", "#1f6fb5", 0.012
 
 
 class MeasuringPage:
-    """The measurements of one problem file. Raises `InvalidInput` for a file that cannot be read or is not in the folder."""
+    """The measurements of one problem file.
+
+    Raises `InvalidInput` for a file that cannot be read or is not in the folder.
+    """
 
     def __init__(self, shared: SharedState, name: str) -> None:
         self.shared, self.name = shared, name
@@ -56,19 +60,30 @@ class MeasuringPage:
         self._scene.on_click(self._picked)
         poses = solids.poses(solids.resting.home)
         placed = {bodies[name].id: tuple(pose.ravel().round(6)) for name, pose in poses.items()}
-        ui.timer(0.2, lambda: ui.run_javascript(f"placed({self._scene.id}, {json.dumps(placed)})"), once=True)
+        ui.timer(
+            0.2,
+            lambda: ui.run_javascript(f"placed({self._scene.id}, {json.dumps(placed)})"),
+            once=True,
+        )
         turn_camera(self._scene, solids, "corner", 0.0)
-        ui.label("A double click picks a point. Coordinates are in millimetres, in the frame of the part.")
+        ui.label(
+            "A double click picks a point. Coordinates are in millimetres, in the frame of the "
+            "part."
+        )
         with self._scene:
             self._marks = self._scene.group()
             self._cross = (
-                self._scene.sphere(SIZE * self.part.solids.extent[1] / 3).material(CHOSEN).visible(False)
+                self._scene.sphere(SIZE * self.part.solids.extent[1] / 3)
+                .material(CHOSEN)
+                .visible(False)
             )
 
     def _form(self) -> None:
         """What is asked of one point."""
         with ui.row().classes("items-center gap-2"):
-            self._name = ui.input("name", value=self.part.free_name()).props('dense data-testid="name"')
+            self._name = ui.input("name", value=self.part.free_name()).props(
+                'dense data-testid="name"'
+            )
             self._kind = ui.select(self.part.kinds, value=self.part.kinds[0], label="measure")
             self._kind.props('dense options-dense data-testid="kind"').classes("w-32")
             self._tool = ui.select([ANY_TOOL, *self.part.tools], value=ANY_TOOL, label="by tool")
@@ -99,20 +114,26 @@ class MeasuringPage:
     ) -> dict[str, ui.number]:
         with ui.row().classes("gap-2 no-wrap"):
             return {
-                name: ui.number(name, value=value).props(f'dense data-testid="{name}"').classes("w-28")
+                name: ui.number(name, value=value)
+                .props(f'dense data-testid="{name}"')
+                .classes("w-28")
                 for name, value in zip(names, values, strict=True)
             }
 
     def _list(self) -> None:
         columns = [
-            {"name": column, "label": column, "field": column, "align": "left"} for column in POINT_COLUMNS
+            {"name": column, "label": column, "field": column, "align": "left"}
+            for column in POINT_COLUMNS
         ]
         self._table = ui.table(columns=columns, rows=[], row_key="name", selection="multiple")
-        self._table.props('dense flat data-testid="points" no-data-label="no measurement has a position yet"')
+        self._table.props(
+            'dense flat data-testid="points" no-data-label="no measurement has a position yet"'
+        )
         self._table.classes("w-full").style("max-height: 40vh")
         for column in ("x", "y", "z", *SIZE_FIELDS):
             self._table.add_slot(
-                f"body-cell-{column}", NUMBER_CELL.replace("READ_ONLY", str(self.shared.read_only).lower())
+                f"body-cell-{column}",
+                NUMBER_CELL.replace("READ_ONLY", str(self.shared.read_only).lower()),
             )
         self._table.on("edited", lambda event: self._edited(event.args))
 
@@ -123,7 +144,9 @@ class MeasuringPage:
             {**row_point, **dict(zip("xyz", row_point["at"], strict=True))} for row_point in points
         ]
         self._table.selected = []
-        for mark in [drawn for drawn in self._scene.objects.values() if drawn.parent is self._marks]:
+        for mark in [
+            drawn for drawn in self._scene.objects.values() if drawn.parent is self._marks
+        ]:
             mark.delete()
         with self._scene, self._marks:
             for point in self.part.points:
@@ -173,12 +196,14 @@ class MeasuringPage:
         point = self._point()
         self._verdict.set_text("looking for a way to it ...")
         if None not in point["at"]:
-            self._cross.move(*self.part.in_world([coordinate / 1000 for coordinate in point["at"]])).visible(
-                True
-            )
+            self._cross.move(
+                *self.part.in_world([coordinate / 1000 for coordinate in point["at"]])
+            ).visible(True)
         asked = self.shared.workers.submit(_judge_point, str(self.path), point)
         reached, said = await asyncio.wrap_future(asked)
-        self._verdict.set_text(f"✓ can be measured {said}" if reached else f"✗ cannot be measured: {said}")
+        self._verdict.set_text(
+            f"✓ can be measured {said}" if reached else f"✗ cannot be measured: {said}"
+        )
         self._verdict.classes(
             add="text-positive" if reached else "text-negative",
             remove="text-negative" if reached else "text-positive",
@@ -194,7 +219,11 @@ class MeasuringPage:
         """Give all chosen measurements the kind, the tool, and those sizes that are filled in."""
         given = {key: field.value for key, field in self._sizes.items() if field.value is not None}
         chosen = {row["name"] for row in self._table.selected}
-        points = [written_point(part_point) for part_point in self.part.points if part_point.name in chosen]
+        points = [
+            written_point(part_point)
+            for part_point in self.part.points
+            if part_point.name in chosen
+        ]
         given |= {"kind": str(self._kind.value), "tool": self._point()["tool"]}
         await self._send("replaced", [{**row_point, **given} for row_point in points])
 
@@ -202,14 +231,18 @@ class MeasuringPage:
         await self._send("removed", [row["name"] for row in self._table.selected])
 
     def _as_qif(self) -> None:
-        """Give the browser the measurements as a QIF document, to be saved where the person wants it."""
+        """Give the browser the measurements as a QIF document, to be saved where the person
+        wants it.
+        """
         text, _, told = as_qif(self.part.problem)
         ui.download(text.encode(), f"{self.path.stem}.qif", "application/xml")
         for remark in told:
             ui.notify(remark.message, type="warning")
 
     async def _send(self, how: str, points: list[Any]) -> None:
-        """Ask for a change as the page does, with its token and a key; then show what the file has."""
+        """Ask for a change as the page does, with its token and a key; then show what the file
+        has.
+        """
         asked = json.dumps({"file": self.name, "how": how, "points": points})
         await ui.run_javascript(f"return send('/measurements', {asked})", timeout=90.0)
         self.part = MeasuredPart(self.path)
@@ -247,7 +280,8 @@ class ChoosingPage:
             name = ui.input("name").props('dense data-testid="new-name"')
             domain = ui.input("domain", value="bulkhead").props('dense data-testid="new-domain"')
             ui.button(
-                "New problem", on_click=lambda: self._send("new", str(name.value), str(domain.value))
+                "New problem",
+                on_click=lambda: self._send("new", str(name.value), str(domain.value)),
             ).props('dense no-caps data-testid="new"')
         for source in shared.sheets.files(".qif", ".csv"):
             ui.button(

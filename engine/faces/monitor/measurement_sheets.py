@@ -16,7 +16,10 @@ from cellwright.engine.formats.interop.inspection_files import edit_measurements
 from cellwright.engine.formats.interop.measurement_edits import point_atoms
 from cellwright.engine.kernels.linear import matmul
 from cellwright.engine.model.part_measurements import MeasurementPoint, is_shared, measurements_of
-from cellwright.engine.pipelines.inspection.arm_capabilities import TOOL_SEPARATOR, partition_for_arms
+from cellwright.engine.pipelines.inspection.arm_capabilities import (
+    TOOL_SEPARATOR,
+    partition_for_arms,
+)
 from cellwright.engine.pipelines.inspection.measurement_points import points_of_problem
 from cellwright.engine.pipelines.motion.measurement_poses import known_poses
 from cellwright.engine.plugins import geometry_backend
@@ -35,13 +38,17 @@ MM_IN_M = 1e-3
 
 @dataclass
 class Sheets:
-    """The problem files of a folder whose measurements can be edited; texts before each change are kept."""
+    """The problem files of a folder whose measurements can be edited; texts before each change
+    are kept.
+    """
 
     folder: Path
     _before: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
 
     def files(self, *endings: str) -> list[str]:
-        """The files of the folder with these endings, as paths within it; of `.yaml`, the problems."""
+        """The files of the folder with these endings, as paths within it; of `.yaml`, the
+        problems.
+        """
         names = []
         for path in sorted(self.folder.rglob("*")):
             inside = path.relative_to(self.folder)
@@ -58,7 +65,9 @@ class Sheets:
     def path(self, name: str, *endings: str) -> Path:
         """The path of one of these files. Raises `InvalidInput` for any other name."""
         if name not in self.files(*(endings or (".yaml",))):
-            raise _refusal(name, "there is no such file in the folder in which the monitor was started")
+            raise _refusal(
+                name, "there is no such file in the folder in which the monitor was started"
+            )
         return self.folder / name
 
     def change(self, asked: Mapping[str, Any]) -> str:
@@ -80,7 +89,9 @@ class Sheets:
             path, how, [str(point) if how == "removed" else read_point(point) for point in given]
         )
         self._before.setdefault(name, []).append((text, path.read_text("utf-8")))
-        names = ", ".join(point if isinstance(point, str) else str(point["name"]) for point in given)
+        names = ", ".join(
+            point if isinstance(point, str) else str(point["name"]) for point in given
+        )
         return f"{how}: {names}"
 
     def _undone(self, name: str) -> str:
@@ -115,7 +126,10 @@ class Sheets:
             raise _refusal(path.name, "there is such a file already")
         inspection, _, text = import_file(source, domain)
         path.write_text(text, "utf-8")
-        return f"made: {path.relative_to(self.folder).as_posix()}, with {len(inspection.points)} points"
+        return (
+            f"made: {path.relative_to(self.folder).as_posix()}, with {len(inspection.points)} "
+            "points"
+        )
 
 
 def _replace_file(path: Path, text: str) -> None:
@@ -127,7 +141,9 @@ def _replace_file(path: Path, text: str) -> None:
 
 def _says_problem(path: Path) -> bool:
     with path.open(encoding="utf-8", errors="replace") as lines:
-        return any(re.match(r"problem\s*:", line) for line, _ in zip(lines, range(40), strict=False))
+        return any(
+            re.match(r"problem\s*:", line) for line, _ in zip(lines, range(40), strict=False)
+        )
 
 
 def _refusal(what: str, why: str) -> InvalidInput:
@@ -179,7 +195,10 @@ def written_point(point: MeasurementPoint) -> dict[str, Any]:
 
 
 class MeasuredPart:
-    """The part whose points a problem file measures, as a page shows it. Raises `InvalidInput` for a file that cannot be read."""
+    """The part whose points a problem file measures, as a page shows it.
+
+    Raises `InvalidInput` for a file that cannot be read.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -219,15 +238,23 @@ class MeasuredPart:
     def bodies(self) -> frozenset[str]:
         """The bodies that belong to the part: those that stand in its frame."""
         world = self.solids.resting.home
-        return frozenset(name for name in world.cell.bodies if self.frame in world.supports(name)[1:])
+        return frozenset(
+            name for name in world.cell.bodies if self.frame in world.supports(name)[1:]
+        )
 
     def free_name(self) -> str:
         """A name for one more measurement."""
-        taken = {*measurements_of(self.problem), *self.problem.objects, *self.problem.domain.objects}
+        taken = {
+            *measurements_of(self.problem),
+            *self.problem.objects,
+            *self.problem.domain.objects,
+        }
         return next(name for n in count(1) if (name := f"p{n}") not in taken)
 
     def picked(self, body: str, at: Sequence[float], to: SnapTo) -> SnappedPoint | None:
-        """Where a point (3,) of the world on a body belongs, in the frame of the part; None if nothing of the kind is near."""
+        """Where a point (3,) of the world on a body belongs, in the frame of the part; None if
+        nothing of the kind is near.
+        """
         world = self.solids.resting.home
         T_world_body = world.pose("world", body)
         own = transforms.apply(transforms.inverse(T_world_body), np.array(at, dtype=float))[0]
@@ -235,7 +262,9 @@ class MeasuredPart:
         if spot is None:
             return None
         T = matmul(world.pose(self.frame, "world"), T_world_body)
-        return replace(spot, point=transforms.apply(T, spot.point)[0], normal=matmul(T[:3, :3], spot.normal))
+        return replace(
+            spot, point=transforms.apply(T, spot.point)[0], normal=matmul(T[:3, :3], spot.normal)
+        )
 
     def in_world(self, position: Sequence[float]) -> list[float]:
         """A point (3,) of the part in the world."""
@@ -245,7 +274,8 @@ class MeasuredPart:
 
 
 def point_verdict(path: str, given: Mapping[str, Any]) -> tuple[bool, str]:
-    """Whether a point can be measured, and with which tool from where, or why not; with which tools of several arms.
+    """Whether a point can be measured, and with which tool from where, or why not; with which tools
+    of several arms.
 
     Raises `InvalidInput`.
     """
@@ -256,14 +286,19 @@ def point_verdict(path: str, given: Mapping[str, Any]) -> tuple[bool, str]:
     facts += [fact for fact in point_atoms(point, words) if fact.name in problem.domain.predicates]
     objects = {n: t for n, t in problem.objects.items() if n not in others}
     alone = replace(
-        problem, objects={**objects, point.name: words.measurement}, statics=tuple(facts), goal=ALWAYS_TRUE
+        problem,
+        objects={**objects, point.name: words.measurement},
+        statics=tuple(facts),
+        goal=ALWAYS_TRUE,
     )
     parts = partition_for_arms(alone)
     if point.name in parts.impossible:
         return False, parts.impossible[point.name]
     tool = next((tool for tool, names in parts.groups.items() if point.name in names), "")
     instead = (
-        f", not by {point.tool}, which cannot" if point.tool not in ("", *tool.split(TOOL_SEPARATOR)) else ""
+        f", not by {point.tool}, which cannot"
+        if point.tool not in ("", *tool.split(TOOL_SEPARATOR))
+        else ""
     )
     if is_shared(alone):  # whether some arm reaches it has been found out already
         return True, f"by {tool}{instead}"

@@ -27,7 +27,10 @@ Mask = tuple[bool, ...]  # for each argument whether the goal says what it is
 
 @dataclass(frozen=True, slots=True)
 class GoalIndex:
-    """Goals that are single facts, by predicate and by the arguments that they name. Other goals are in no index."""
+    """Goals that are single facts, by predicate and by the arguments that they name.
+
+    Other goals are in no index.
+    """
 
     masks: dict[str, dict[Mask, dict[tuple[Term, ...], str]]] = field(default_factory=dict)
     general: set[str] = field(default_factory=set)  # those that several facts can meet
@@ -40,9 +43,9 @@ class GoalIndex:
             if (atom := _fact_of(goal)) is not None:
                 mask = tuple(argument != ANYTHING for argument in atom.arguments)
                 index.general.update([] if all(mask) else [goal])
-                index.masks.setdefault(atom.name, {}).setdefault(mask, {})[_named_arguments(atom, mask)] = (
-                    goal
-                )
+                index.masks.setdefault(atom.name, {}).setdefault(mask, {})[
+                    _named_arguments(atom, mask)
+                ] = goal
         return index
 
     def met_by(self, fact: str) -> list[str]:
@@ -73,7 +76,8 @@ Read = Callable[[int, int], list[JournalRecord]]  # the records behind a number 
 
 
 class RecordPages(Sequence[JournalRecord]):
-    """The records of a run in their order, as far as they are known; `read` gives those again that are no longer in memory.
+    """The records of a run in their order, as far as they are known; `read` gives those again that
+    are no longer in memory.
 
     What is in memory does not grow with the run, but for 8 bytes a record.
     """
@@ -133,14 +137,16 @@ LOG, DONE = 2000, 400  # lines of the log, and steps that were done, that are ke
 class WatchedRun(RunStanding):
     """All that a page shows of a run up to a record.
 
-    `holds` are the facts of the world model, each with the number of the record that brought it. `why` says, for each step of
-    the last plan, the steps that it waits for. `met` are bodies that were seen where the cell does not have them, as records tell
-    of them; `stopped` are the commands whose arm met something, and went back.
+    `holds` are the facts of the world model, each with the number of the record that brought it.
+    `why` says, for each step of the last plan, the steps that it waits for. `met` are bodies that
+    were seen where the cell does not have them, as records tell of them; `stopped` are the commands
+    whose arm met something, and went back.
     """
 
     number: int = 0
     holds: dict[str, int] = field(default_factory=dict)
-    story: list[tuple[int, str]] = field(default_factory=list)  # number of the record, what it tells
+    # number of the record, what it tells
+    story: list[tuple[int, str]] = field(default_factory=list)
     results: list[dict[str, Any]] = field(default_factory=list)
     findings: list[dict[str, Any]] = field(default_factory=list)
     questions: dict[int, dict[str, Any]] = field(default_factory=dict)  # commands that ask a person
@@ -154,7 +160,10 @@ class WatchedRun(RunStanding):
     def copied(self) -> "WatchedRun":
         """The same, to go on from. What its lists hold is never changed, so it is not copied."""
         return WatchedRun(
-            **{state_field.name: copy(getattr(self, state_field.name)) for state_field in fields(self)}
+            **{
+                state_field.name: copy(getattr(self, state_field.name))
+                for state_field in fields(self)
+            }
         )
 
     def take(self, record: JournalRecord) -> None:
@@ -227,9 +236,13 @@ class WatchedRun(RunStanding):
             self.met |= {name: seen} if seen else {}
 
     def _meet(self, facts: Iterable[str]) -> None:
-        """Some facts hold from now on, and so do the goals that they meet, unless these are given up."""
+        """Some facts hold from now on, and so do the goals that they meet, unless these are
+        given up.
+        """
         for fact in facts:
-            self.goals |= {goal: "reached" for goal in self.index.met_by(fact) if self.goals[goal] == "open"}
+            self.goals |= {
+                goal: "reached" for goal in self.index.met_by(fact) if self.goals[goal] == "open"
+            }
 
 
 STATE_CHANGES = {
@@ -249,7 +262,10 @@ STATE_CHANGES = {
 
 
 class RunFollower:
-    """The records of one run, read from its journal as they come. Raises `InvalidInput` if the journal has no such run."""
+    """The records of one run, read from its journal as they come.
+
+    Raises `InvalidInput` if the journal has no such run.
+    """
 
     def __init__(self, store: str, run: str, initial: Sequence[str] = ()) -> None:
         with Journal(store) as journal:
@@ -293,7 +309,9 @@ class RunFollower:
         return [journal_record(line) for line in self._open().lines(self.run, after, until=until)]
 
     def done(self, after: int, until: int) -> list[Content]:
-        """The steps that were done behind one record up to another one, with the time at which each ended."""
+        """The steps that were done behind one record up to another one, with the time at which
+        each ended.
+        """
         lines = self._open().lines(self.run, after, [RecordKind.DONE.value], until)
         return [{**line.content, "number": line.number, "ended_ms": line.at_ms} for line in lines]
 
@@ -306,12 +324,17 @@ class RunFollower:
     def at(self, number: int, before: WatchedRun | None = None) -> WatchedRun:
         """How the run stood after a record; the last one if the number is beyond it.
 
-        `before` is how it stood a little before. It is taken on, which is quicker than to start anew.
+        `before` is how it stood a little before. It is taken on, which is quicker than to start
+        anew.
         """
         if number >= len(self.records):
             return self.latest
         number, kept = max(0, number), self._kept[max(0, number) // self._apart]
-        useful = before is not None and before is not self.latest and kept.number <= before.number <= number
+        useful = (
+            before is not None
+            and before is not self.latest
+            and kept.number <= before.number <= number
+        )
         state = before if before is not None and useful else kept.copied()
         for record in self.records[state.number : number]:
             state.take(record)
@@ -341,8 +364,11 @@ def runs_of(store: str) -> tuple[Begun, ...]:
         return journal.begun()[::-1]
 
 
-def first_difference(one: Sequence[JournalRecord], other: Sequence[JournalRecord], same: int = 0) -> int:
-    """The number of the first record that two runs do not share; 0 if they are the same. Times and the run itself do not count.
+def first_difference(
+    one: Sequence[JournalRecord], other: Sequence[JournalRecord], same: int = 0
+) -> int:
+    """The number of the first record that two runs do not share; 0 if they are the same. Times and
+    the run itself do not count.
 
     So many of the first records are known to be the `same`.
     """
@@ -358,8 +384,8 @@ PLAYER_SPEEDS = (-1000, -100, -10, -1, 1, 10, 100, 1000)
 
 @dataclass
 class RunPlayer:
-    """`number` is the record that is shown, `clock_ms` the time on the run's clock. `live`, it stays at the end; at a `speed` of
-    0 it stands.
+    """`number` is the record that is shown, `clock_ms` the time on the run's clock. `live`, it
+    stays at the end; at a `speed` of 0 it stands.
     """
 
     follower: RunFollower
@@ -417,12 +443,18 @@ class RunPlayer:
         self.speed = speed
 
     def to_exception(self) -> bool:
-        """Go to the next exception behind the record that is shown, or to the first one; whether there is one."""
+        """Go to the next exception behind the record that is shown, or to the first one;
+        whether there is one.
+        """
         numbers = self.follower.exceptions()
         if numbers:
             self.go_to(
                 next(
-                    (exception_number for exception_number in numbers if exception_number > self.number),
+                    (
+                        exception_number
+                        for exception_number in numbers
+                        if exception_number > self.number
+                    ),
                     numbers[0],
                 )
             )

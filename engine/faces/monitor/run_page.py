@@ -20,7 +20,9 @@ from cellwright.engine.model.answer_wording import count_noun
 
 
 class ChosenPanel:
-    """A panel, shown while something is chosen: beside the views, or above them where the screen is narrow."""
+    """A panel, shown while something is chosen: beside the views, or above them where the
+    screen is narrow.
+    """
 
     def __init__(self, look: PageLook) -> None:
         self.look = look
@@ -60,7 +62,11 @@ class ChosenPanel:
 
     async def _explain(self, plan: dict[str, Any], number: int, told: tuple[object, ...]) -> None:
         shared, steps = self.look.shared, {step["id"]: step for step in plan["steps"]}
-        asked = (shared.target(self.look.run.run), [steps[step_id] for step_id in plan["order"]], number)
+        asked = (
+            shared.target(self.look.run.run),
+            [steps[step_id] for step_id in plan["order"]],
+            number,
+        )
         lines = await asyncio.wrap_future(shared.workers.submit(step_reasons, *asked))
         if told == self._told:
             with self._lines:
@@ -74,7 +80,11 @@ PHASE_LOOKS = {  # phase or end of a run: its sign, its colour, and what it mean
     "ready": ("○", "blue-grey", "planned; it waits until it is approved"),
     "running": ("▶", "green-9", "the plan is carried out"),
     "interrupting": ("⏸", "deep-orange-9", "ends the current goal, then pauses"),
-    "quiescing": ("⚠", "deep-orange-9", "something failed: nothing more begins, what is under way ends"),
+    "quiescing": (
+        "⚠",
+        "deep-orange-9",
+        "something failed: nothing more begins, what is under way ends",
+    ),
     "handling": ("⚠", "deep-orange-9", "finds out what went wrong, and puts it right"),
     "paused": ("⏸", "deep-orange-9", "waits for an order; nothing moves"),
     "reached": ("✓", "green-9", "all goals are reached"),
@@ -112,7 +122,11 @@ class RunPage:
             ui.label(self.name).classes("text-h6").props('data-testid="title"').tooltip(
                 self.look.follower.store
             )
-            with ui.badge("").props('data-testid="phase" role="status"').classes("text-body2") as self._phase:
+            with (
+                ui.badge("")
+                .props('data-testid="phase" role="status"')
+                .classes("text-body2") as self._phase
+            ):
                 self._meaning = ui.tooltip("")
             self._clock = ui.label("").props('data-testid="clock"')
             ui.space()
@@ -155,10 +169,14 @@ class RunPage:
             self._speed = ui.select(speeds, value=10, on_change=self._change_speed)
             self._speed.props('dense dark options-dense aria-label="speed" data-testid="speed"')
             self._slider = ui.slider(min=0, max=1, value=1, on_change=self._slid)
-            self._slider.classes("col").props('label color="white" aria-label="record" data-testid="slider"')
+            self._slider.classes("col").props(
+                'label color="white" aria-label="record" data-testid="slider"'
+            )
             self._live = ui.switch("live", value=True, on_change=self._switched)
             self._live.props('color="green" data-testid="live"')
-            ui.button("exception", on_click=self._to_exception).props('dense no-caps data-testid="exception"')
+            ui.button("exception", on_click=self._to_exception).props(
+                'dense no-caps data-testid="exception"'
+            )
             ui.icon("keyboard").tooltip(KEY_HELP).props('tabindex="0"')
 
     def tick(self, anew: bool = False) -> None:
@@ -260,9 +278,18 @@ class RunPage:
         elif name in plain:
             plain[name]()
         elif not self.shared.read_only and name in ORDERS_BY_KEY:
-            ui.run_javascript(f"document.querySelector('[data-testid={ORDERS_BY_KEY[name]}]')?.click()")
+            ui.run_javascript(
+                f"document.querySelector('[data-testid={ORDERS_BY_KEY[name]}]')?.click()"
+            )
         self.tick(anew=True)
 
 
 VIEW_KEYS = "1234567890-"
-ORDERS_BY_KEY = {"p": "interrupt", "c": "continue", "s": "stop", "r": "retry", "y": "approve", "m": "more"}
+ORDERS_BY_KEY = {
+    "p": "interrupt",
+    "c": "continue",
+    "s": "stop",
+    "r": "retry",
+    "y": "approve",
+    "m": "more",
+}

@@ -18,7 +18,11 @@ END_PHASES = ("reached", "partly", "aborted")
 MOVING_PHASES = ("running", "interrupting", "quiescing", "handling")
 AT_A_PAUSE = ("paused",)
 ORDER_BUTTONS = {  # what the button says, what it does, and in which phases it may be pressed
-    "interrupt": ("Pause", "pauses at the end of the current goal, with empty hands", MOVING_PHASES),
+    "interrupt": (
+        "Pause",
+        "pauses at the end of the current goal, with empty hands",
+        MOVING_PHASES,
+    ),
     "continue": ("Go on", "goes on after a pause", ("paused", "interrupting")),
     "stop": ("Stop", "stops at once; nothing moves any more", (*MOVING_PHASES, "ready", "paused")),
     "retry": ("Retry", "at a pause: plans on from the world as it is", AT_A_PAUSE),
@@ -26,9 +30,17 @@ ORDER_BUTTONS = {  # what the button says, what it does, and in which phases it 
 ORDER_ENTRIES = {  # what the entry of the menu says, what is asked for, and in which phases
     "skip": ("Skip a step", "the step that a person has done by hand, by its number", AT_A_PAUSE),
     "back": ("Go back", "the step to go back to, by its number", AT_A_PAUSE),
-    "correct": ("Correct", "facts, separated by ;, with a - before those that do not hold", AT_A_PAUSE),
+    "correct": (
+        "Correct",
+        "facts, separated by ;, with a - before those that do not hold",
+        AT_A_PAUSE,
+    ),
     "add": ("Add", "a further command, in the words of the domain", (*MOVING_PHASES, "paused")),
-    "answer": ("Answer", "an outcome of the question, or the step that was done", (*MOVING_PHASES, "paused")),
+    "answer": (
+        "Answer",
+        "an outcome of the question, or the step that was done",
+        (*MOVING_PHASES, "paused"),
+    ),
     "abort": ("Abort", "the word abort, to end the run for good", AT_A_PAUSE),
 }
 
@@ -44,15 +56,24 @@ class RunSteering:
         for order, (said, does, phases) in ORDER_BUTTONS.items():
             colour = "red" if order == "stop" else "primary"
             button = ui.button(said, color=colour, on_click=lambda _, order=order: self.give(order))
-            self._keep(order, button.props(f'dense no-caps data-testid="{order}"').tooltip(does), phases)
-        approve = ui.button("Approve", on_click=self._approve).props('dense no-caps data-testid="approve"')
+            self._keep(
+                order, button.props(f'dense no-caps data-testid="{order}"').tooltip(does), phases
+            )
+        approve = ui.button("Approve", on_click=self._approve).props(
+            'dense no-caps data-testid="approve"'
+        )
         self._keep("approve", approve, ("ready",))
-        with ui.button("More", color="primary").props('dense no-caps data-testid="more"'), ui.menu():
+        with (
+            ui.button("More", color="primary").props('dense no-caps data-testid="more"'),
+            ui.menu(),
+        ):
             for order, (said, _, phases) in ORDER_ENTRIES.items():
                 item = ui.menu_item(said, on_click=lambda _, order=order: self._ask(order))
                 self._keep(order, item.props(f'data-testid="{order}"'), phases)
         self._resume = ui.button("Resume", on_click=lambda: self.give("resume"))
-        self._resume.props('dense no-caps data-testid="resume"').tooltip("goes on after a stop or a crash")
+        self._resume.props('dense no-caps data-testid="resume"').tooltip(
+            "goes on after a stop or a crash"
+        )
 
     def _keep(self, order: str, button: ui.button | ui.menu_item, phases: tuple[str, ...]) -> None:
         button.set_enabled(False)  # until it is known how the run stands
@@ -60,7 +81,9 @@ class RunSteering:
 
     def banner(self) -> None:
         """The place for questions, which a page shows above its views."""
-        self._banner = ui.column().classes("w-full q-px-sm gap-1").props('data-testid="asks" role="alert"')
+        self._banner = (
+            ui.column().classes("w-full q-px-sm gap-1").props('data-testid="asks" role="alert"')
+        )
 
     async def give(self, order: str, text: str = "") -> None:
         """Give an order as the page does."""
@@ -70,7 +93,9 @@ class RunSteering:
     def show(self, latest: WatchedRun, goes_on: bool) -> None:
         """Offer what can be ordered now, and what is asked."""
         for order, button in self._buttons.items():
-            button.set_enabled(goes_on and bool(latest.plan) and latest.phase in self._phases[order])
+            button.set_enabled(
+                goes_on and bool(latest.plan) and latest.phase in self._phases[order]
+            )
         self._resume.set_visibility(not goes_on and latest.phase not in END_PHASES)
         questions = latest.questions if goes_on else {}
         if (asked := tuple(questions)) == self._asked:
@@ -82,18 +107,25 @@ class RunSteering:
                 self._question(number, question)
 
     def _question(self, number: int, asked: dict[str, Any]) -> None:
-        """What a person is asked, with a button for each answer; a step is confirmed when it is done."""
-        with ui.card().classes("w-full q-pa-sm bg-amber-2 text-black"), ui.row().classes("items-center"):
-            ui.label(f"? {asked['says'] or asked['action']}").props(f'data-testid="question-{number}"')
+        """What a person is asked, with a button for each answer; a step is confirmed when it is
+        done.
+        """
+        with (
+            ui.card().classes("w-full q-pa-sm bg-amber-2 text-black"),
+            ui.row().classes("items-center"),
+        ):
+            ui.label(f"? {asked['says'] or asked['action']}").props(
+                f'data-testid="question-{number}"'
+            )
             choices = asked.get("choices") or ()
             for offered in choices:
-                ui.button(offered, on_click=lambda _, each=offered: self.give("answer", each)).props(
-                    f'dense no-caps data-testid="choice-{offered}"'
-                )
+                ui.button(
+                    offered, on_click=lambda _, each=offered: self.give("answer", each)
+                ).props(f'dense no-caps data-testid="choice-{offered}"')
             if not choices:
-                ui.button("It is done", on_click=lambda: self.give("answer", str(asked["action"]))).props(
-                    'dense no-caps data-testid="confirm"'
-                )
+                ui.button(
+                    "It is done", on_click=lambda: self.give("answer", str(asked["action"]))
+                ).props('dense no-caps data-testid="confirm"')
 
     def _ask(self, order: str) -> None:
         said, wanted, _ = ORDER_ENTRIES[order]
@@ -130,17 +162,22 @@ class RunSteering:
         run = self.shared.follow(self.run).latest
         with ui.dialog() as dialog, ui.card().classes("w-full"):
             steps = run.plan.get("steps", ())
-            ui.label(f"{len(steps)} steps, forecast to take {duration_text(run.end_ms)}").classes("text-h6")
+            ui.label(f"{len(steps)} steps, forecast to take {duration_text(run.end_ms)}").classes(
+                "text-h6"
+            )
             for goal in run.goals:
                 ui.label(f"goal: {goal}")
             with ui.scroll_area().style("height: 45vh").props('data-testid="preview"'):
                 for plan_step in sorted(steps, key=lambda each: each.get("start_ms", 0)):
                     ui.label(
-                        f"{duration_text(plan_step.get('start_ms', 0))}  {plan_step['stream']}  {plan_step['step']}"
+                        f"{duration_text(plan_step.get('start_ms', 0))}  {plan_step['stream']}  "
+                        f"{plan_step['step']}"
                     )
             with ui.row():
                 for said, order in (("Carry it out", "approve"), ("Abort", "abort")):
-                    button = ui.button(said, on_click=_closing_action(dialog, partial(self.give, order)))
+                    button = ui.button(
+                        said, on_click=_closing_action(dialog, partial(self.give, order))
+                    )
                     button.props(f'dense no-caps data-testid="sure-{order}"')
                 ui.button("Close", on_click=dialog.close).props("dense no-caps flat")
         dialog.open()
@@ -180,16 +217,26 @@ def start_form() -> None:
         }
         for name, field in fields.items():
             field.props(f'dense data-testid="start-{name}"')
-        approve = ui.checkbox("approve the plan first", value=True).props('dense data-testid="start-approve"')
+        approve = ui.checkbox("approve the plan first", value=True).props(
+            'dense data-testid="start-approve"'
+        )
         told = ui.column().classes("gap-0").props('data-testid="understood"')
 
         async def look() -> None:
-            await show_understood(str(fields["target"].value), str(fields["command"].value or ""), told)
+            await show_understood(
+                str(fields["target"].value), str(fields["command"].value or ""), told
+            )
 
         async def start() -> None:
             asked = {name: str(field.value or "") for name, field in fields.items()}
-            asked |= {"order": "start", "run": asked.pop("name"), "approve": "yes" if approve.value else ""}
-            answer = await ui.run_javascript(f"return send('/orders', {json.dumps(asked)})", timeout=120.0)
+            asked |= {
+                "order": "start",
+                "run": asked.pop("name"),
+                "approve": "yes" if approve.value else "",
+            }
+            answer = await ui.run_javascript(
+                f"return send('/orders', {json.dumps(asked)})", timeout=120.0
+            )
             if answer and answer.get("open"):
                 ui.navigate.to(answer["open"])
 

@@ -39,13 +39,18 @@ class ComparisonView(RunView):
     def make(self) -> None:
         """Make what is shown, still empty."""
         others = [
-            begun_run.run for begun_run in self.look.shared.runs() if begun_run.run != self.look.follower.run
+            begun_run.run
+            for begun_run in self.look.shared.runs()
+            if begun_run.run != self.look.follower.run
         ]
         self._other = ui.select(others, label="the other run", on_change=self.show)
-        self._same: tuple[str, int] = ("", 0)  # the other run, and how many records are known to be the same
+        # the other run, and how many records are known to be the same
+        self._same: tuple[str, int] = ("", 0)
         self._other.props('dense options-dense data-testid="other"').classes("w-64")
         self._told = ui.label("").props('data-testid="difference" role="status"')
-        self._table = make_table(self.look.choose, "record", self.look.follower.run, "the other run")
+        self._table = make_table(
+            self.look.choose, "record", self.look.follower.run, "the other run"
+        )
 
     def show(self) -> None:
         """Show the run as it stands."""
@@ -58,19 +63,29 @@ class ComparisonView(RunView):
             self._told.set_text(refused.diagnostics[0].message)
             return
         mine = self.look.follower.records
-        name, same = str(self._other.value), self._same[1] if self._same[0] == self._other.value else 0
+        name, same = (
+            str(self._other.value),
+            self._same[1] if self._same[0] == self._other.value else 0,
+        )
         number = first_difference(mine, other_run, same)
         self._same = name, number - 1 if number else len(mine)
         alike = "the runs are the same; times do not count"
-        self._told.set_text(f"✗ the first difference is record {number}" if number else f"✓ {alike}")
+        self._told.set_text(
+            f"✗ the first difference is record {number}" if number else f"✓ {alike}"
+        )
         first, last = max(0, (number or 1) - ROWS_AROUND), (number or len(mine)) + ROWS_AROUND
         fill_table(
             self._table,
-            [_record_row(pair, number) for pair in zip_longest(mine[first:last], other_run[first:last])],
+            [
+                _record_row(pair, number)
+                for pair in zip_longest(mine[first:last], other_run[first:last])
+            ],
         )
 
 
-def _record_row(pair: tuple[JournalRecord | None, JournalRecord | None], number: int) -> tuple[str, str, str]:
+def _record_row(
+    pair: tuple[JournalRecord | None, JournalRecord | None], number: int
+) -> tuple[str, str, str]:
     ours, theirs = pair
     at = ours.number if ours is not None else theirs.number if theirs is not None else 0
     return f"{'✗ ' if at == number else ''}{at}", _record_text(ours), _record_text(theirs)
@@ -80,7 +95,9 @@ def _record_text(record: JournalRecord | None) -> str:
     if record is None:
         return "it was over"
     content = record.content
-    told = " ".join(narrate_record(record)) or str(content.get("action") or content.get("text") or "")
+    told = " ".join(narrate_record(record)) or str(
+        content.get("action") or content.get("text") or ""
+    )
     return f"{duration_text(record.at_ms)} {record.kind.value} {told}"
 
 
@@ -88,7 +105,10 @@ LIT_PLACE = 'style="filter: drop-shadow(0 0 4px #d02090)" data-chosen="yes"'
 
 
 class StatesView(RunView):
-    """Where each object is in the net: full places have somebody in them. What is chosen has a rim there."""
+    """Where each object is in the net: full places have somebody in them.
+
+    What is chosen has a rim there.
+    """
 
     name = "states"
 
@@ -133,7 +153,8 @@ class StatesView(RunView):
         fill_table(self._table, rows, chosen)
 
 
-GOAL_SIGNS = {"open": "○", "reached": "✓"}  # how a goal stands; whatever else is a reason why it was given up
+# how a goal stands; whatever else is a reason why it was given up
+GOAL_SIGNS = {"open": "○", "reached": "✓"}
 MAX_DRAWN_STEPS = 150  # steps of a plan that is drawn
 PICTURE_PAUSE_S = 0.5  # between two pictures of very many steps
 
@@ -159,7 +180,8 @@ class NowView(RunView):
         chosen = self.look.step
         self._draw(run, steps_of(run, chosen))
         current = [
-            (stream, action, duration_text(since)) for stream, action, since, _ in run.under_way.values()
+            (stream, action, duration_text(since))
+            for stream, action, since, _ in run.under_way.values()
         ]
         fill_table(self._current, current, related_texts(run, chosen))
         goals = [
@@ -186,7 +208,9 @@ class NowView(RunView):
 
 
 class PlanView(RunView):
-    """The plan as a partial order, as the command line draws it, each step in the colour of how it stands."""
+    """The plan as a partial order, as the command line draws it, each step in the colour of how
+    it stands.
+    """
 
     name = "plan"
 
@@ -205,7 +229,10 @@ class PlanView(RunView):
             return
         self._drawn = drawn
         if len(run.bars) > MAX_DRAWN_STEPS:
-            said = f"The plan has {len(run.bars)} steps: too many for a picture. See the steps over time."
+            said = (
+                f"The plan has {len(run.bars)} steps: too many for a picture. See the steps "
+                "over time."
+            )
             self._picture.set_content(said)
             return
         plan = plan_svg.draw_plan(compiled_of(run.plan).plan, standing=standing)
@@ -217,10 +244,14 @@ DARK_STEP_STYLE = """<style>.body--dark .done .box { fill: #1d4a2c; } .body--dar
 
 
 def _rim_steps(plan: str, chosen: frozenset[str]) -> str:
-    """The picture of a plan with a rim around the steps that are chosen, and colours for dark pages."""
+    """The picture of a plan with a rim around the steps that are chosen, and colours for dark
+    pages.
+    """
     for step in sorted(chosen):
         name = f"data-step={quoteattr(step)}"
-        plan = plan.replace(name, f'{name} style="filter: drop-shadow(0 0 3px #d02090)" data-chosen="yes"')
+        plan = plan.replace(
+            name, f'{name} style="filter: drop-shadow(0 0 3px #d02090)" data-chosen="yes"'
+        )
     return plan.replace("</svg>", DARK_STEP_STYLE)
 
 
@@ -240,7 +271,11 @@ class WorldView(RunView):
         run = self.look.run
         asked = self._search.value or ""
         rows = sorted(run.holds.items(), key=lambda each: (-each[1], each[0]))
-        fill_table(self._table, [row for row in rows if asked in row[0]], related_texts(run, self.look.step))
+        fill_table(
+            self._table,
+            [row for row in rows if asked in row[0]],
+            related_texts(run, self.look.step),
+        )
 
 
 class ObjectsView(RunView):
@@ -267,7 +302,9 @@ class ObjectsView(RunView):
         )
 
     def _all(self, asked: str, number: int) -> list[dict[str, Any]]:
-        """The steps up to a record in which a name occurs; what was found before is not looked for again."""
+        """The steps up to a record in which a name occurs; what was found before is not looked
+        for again.
+        """
         if asked != self._asked:
             self._found, self._asked, self._until = [], asked, 0
         if number > self._until:

@@ -30,7 +30,8 @@ from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Begun, Journal
 
-LONG_COMMANDS = ("prepare", "sequence", "plan", "schedule", "test")  # what is shown with its progress
+# what is shown with its progress
+LONG_COMMANDS = ("prepare", "sequence", "plan", "schedule", "test")
 CONTROL_SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b[@-_]|[\x00-\x08\x0b\x0c\x0e-\x1f]")
 MAX_OUTPUT_CHARS = 20_000  # characters of what a command prints
 COMMAND_LINE = (sys.executable, "-m", "cellwright.engine.faces.cli")
@@ -38,7 +39,9 @@ COMMAND_LINE = (sys.executable, "-m", "cellwright.engine.faces.cli")
 
 @dataclass
 class PageCommand:
-    """A command of the command line that works: `text` is what it has printed last, `code` how it ended."""
+    """A command of the command line that works: `text` is what it has printed last, `code` how
+    it ended.
+    """
 
     words: tuple[str, ...]
     text: str = ""
@@ -81,13 +84,19 @@ def _follow_output(job: PageCommand, process: subprocess.Popen[bytes], ours: int
 
 
 def terminal_text(raw: str) -> str:
-    """What a terminal would show of a text: without control sequences, each line as it was written last."""
+    """What a terminal would show of a text: without control sequences, each line as it was
+    written last.
+    """
     lines = CONTROL_SEQUENCE.sub("", raw.replace("\r\n", "\n")).split("\n")
     return "\n".join(line.rstrip("\r").rpartition("\r")[2].rstrip() for line in lines).strip()
 
 
-def start_run(words: Sequence[str], folder: Path, there: Callable[[], bool], wait_s: float = 60.0) -> str:
-    """Start a run in the background; what it complained of if it ended before it was `there`, else nothing."""
+def start_run(
+    words: Sequence[str], folder: Path, there: Callable[[], bool], wait_s: float = 60.0
+) -> str:
+    """Start a run in the background; what it complained of if it ended before it was `there`,
+    else nothing.
+    """
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
         process = subprocess.Popen(
             [*COMMAND_LINE, *words], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said,
@@ -112,7 +121,10 @@ JOURNAL_PAUSE_S = 0.05  # between two looks at a journal
 
 @dataclass
 class SharedState:
-    """The runs of a store, followed while somebody looks at them. With `read_only` no page gives orders."""
+    """The runs of a store, followed while somebody looks at them.
+
+    With `read_only` no page gives orders.
+    """
 
     store: str
     read_only: bool = False
@@ -133,17 +145,25 @@ class SharedState:
         return runs_of(self.store)
 
     def outcomes(self, runs: Collection[str]) -> dict[str, str]:
-        """How runs have ended, as their last records of an end say; empty for those that have none."""
+        """How runs have ended, as their last records of an end say; empty for those that have
+        none.
+        """
         with Journal(self.store) as journal:
             ends = {run: journal.line(run, journal.last(run, RecordKind.END.value)) for run in runs}
-        return {run: str(end.content.get("outcome", "")) if end else "" for run, end in ends.items()}
+        return {
+            run: str(end.content.get("outcome", "")) if end else "" for run, end in ends.items()
+        }
 
     def going_on(self) -> frozenset[str]:
         """The names of the runs of this store that go on in some process of this user."""
-        return frozenset(str(going["run"]) for going in going_on() if going["store"] in (self.store, ""))
+        return frozenset(
+            str(going["run"]) for going in going_on() if going["store"] in (self.store, "")
+        )
 
     def goes_on(self, run: str) -> bool:
-        """Whether a run goes on, as it was known a second ago: a process that hangs must not hold up the pages."""
+        """Whether a run goes on, as it was known a second ago: a process that hangs must not
+        hold up the pages.
+        """
         if time.monotonic() - self._asked_s > GOING_S and not self._asking.locked():
             self._asked_s = time.monotonic()
             threading.Thread(target=self._ask, daemon=True).start()
@@ -169,7 +189,10 @@ class SharedState:
         return _target_of(self.follow(run))
 
     def solids(self, run: str) -> CellBodies:
-        """The bodies of the run's cell. Raises `InvalidInput` if its target or its cell is not there any more."""
+        """The bodies of the run's cell.
+
+        Raises `InvalidInput` if its target or its cell is not there any more.
+        """
         return solids_of(_target_of(self.follow(run))[0])
 
     def motions(self, run: str) -> RunMotions:
@@ -188,20 +211,28 @@ class SharedState:
         await self.motions(run).refresh(len(self.follow(run).records), self.workers)
 
     def measure(self, key: str, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
-        """Change the measurements of a problem file as a page asks, once; the status code and what is told of it."""
+        """Change the measurements of a problem file as a page asks, once; the status code and
+        what is told of it.
+        """
         return self._once(key, lambda: self._changed(asked))
 
     def _changed(self, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
         try:
             return 200, {"said": self.sheets.change(asked), "done": True}
         except InvalidInput as refused:
-            return 409, {"said": "; ".join(diagnostic.message for diagnostic in refused.diagnostics)}
+            return 409, {
+                "said": "; ".join(diagnostic.message for diagnostic in refused.diagnostics)
+            }
 
     def order(self, key: str, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
-        """Give a run the order that a page asks for, once; the status code and what is told of it."""
+        """Give a run the order that a page asks for, once; the status code and what is told of
+        it.
+        """
         return self._once(key, lambda: self._told(asked))
 
-    def _once(self, key: str, make: Callable[[], tuple[int, dict[str, Any]]]) -> tuple[int, dict[str, Any]]:
+    def _once(
+        self, key: str, make: Callable[[], tuple[int, dict[str, Any]]]
+    ) -> tuple[int, dict[str, Any]]:
         if self.read_only:
             return 403, {"said": "this monitor only watches"}
         if not key:
@@ -210,7 +241,9 @@ class SharedState:
         return answer
 
     def _told(self, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
-        run, order, text, who = (str(asked.get(name, "")) for name in ("run", "order", "text", "who"))
+        run, order, text, who = (
+            str(asked.get(name, "")) for name in ("run", "order", "text", "who")
+        )
         if order in STARTING_ORDERS:
             return self._started(order, run, asked)
         if order not in PAGE_ORDERS:
@@ -218,10 +251,14 @@ class SharedState:
         try:
             state = tell_run(run, order, text, self.store, who or "monitor")
         except InvalidInput as refused:
-            return 409, {"said": "; ".join(diagnostic.message for diagnostic in refused.diagnostics)}
+            return 409, {
+                "said": "; ".join(diagnostic.message for diagnostic in refused.diagnostics)
+            }
         return 200, {"said": f"{run}: {order} {text}".strip(), **state}
 
-    def _started(self, order: str, run: str, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+    def _started(
+        self, order: str, run: str, asked: Mapping[str, Any]
+    ) -> tuple[int, dict[str, Any]]:
         """Start a run, resume one, or begin work that takes long."""
         if order == "work":
             words = _split_words(str(asked.get("text", "")))
@@ -229,7 +266,11 @@ class SharedState:
                 return 400, {"said": f"what can be begun here: {', '.join(LONG_COMMANDS)}"}
             self.jobs.append(start_command(words, self.sheets.folder))
             return 200, {"said": f"begun: {shlex.join(words)}"}
-        before = {known_run.run for known_run in self.runs()} if order == "start" else self.going_on() - {run}
+        before = (
+            {known_run.run for known_run in self.runs()}
+            if order == "start"
+            else self.going_on() - {run}
+        )
         words = ["resume", run] if order == "resume" else _run_words(run, asked)
 
         def fresh() -> set[str]:
@@ -239,7 +280,9 @@ class SharedState:
         refused = start_run(
             [words[0], "--store", self.store, *words[1:]], self.sheets.folder, lambda: bool(fresh())
         )
-        new_run = next(iter(sorted(fresh() or {known_run.run for known_run in self.runs()} - before)), run)
+        new_run = next(
+            iter(sorted(fresh() or {known_run.run for known_run in self.runs()} - before)), run
+        )
         if refused:
             return 409, {"said": refused}
         return 200, {"said": f"{new_run}: goes on", "open": f"/run/{quote(new_run, safe='')}"}
@@ -257,7 +300,8 @@ def _run_words(run: str, asked: Mapping[str, Any]) -> list[str]:
     """The words of the command that starts a run; what begins with a dash is no option."""
     options = {"--name": run, "--driver": "", "--option": ""}
     options |= {
-        f"--{name}": str(asked.get(name, "")) for name in ("command", "goals", "factor", "fault", "seed")
+        f"--{name}": str(asked.get(name, ""))
+        for name in ("command", "goals", "factor", "fault", "seed")
     }
     given = [f"{name}={value}" for name, value in options.items() if value]
     approve = ["--approve"] if asked.get("approve") else []

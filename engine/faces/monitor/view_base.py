@@ -16,15 +16,21 @@ from cellwright.engine.pipelines.execution.journal_motions import TakenStep
 
 
 def dark_picture(text: str) -> str:
-    """A picture, dark where the page is; a sentence in its place as text, because names in it may look like HTML."""
+    """A picture, dark where the page is; a sentence in its place as text, because names in it
+    may look like HTML.
+    """
     drawn = text.startswith(("<svg", "<?xml"))
-    return text.replace("@media (prefers-color-scheme: dark)", ".body--dark") if drawn else escape(text)
+    return (
+        text.replace("@media (prefers-color-scheme: dark)", ".body--dark")
+        if drawn
+        else escape(text)
+    )
 
 
 @dataclass
 class PageLook:
-    """What a page looks at: a run as it stood after a record, at a time on its clock; `step` is what is chosen: a step
-    as the plan writes it, a fact, or an object; `choose` chooses."""
+    """What a page looks at: a run as it stood after a record, at a time on its clock; `step` is
+    what is chosen: a step as the plan writes it, a fact, or an object; `choose` chooses."""
 
     shared: SharedState
     follower: RunFollower
@@ -57,7 +63,9 @@ class RunView(ABC):
         """Make what is shown, still empty."""
 
     def sign(self) -> object:
-        """What else the view shows than the run at the time that is looked at: if it changes, the view is shown again."""
+        """What else the view shows than the run at the time that is looked at: if it changes,
+        the view is shown again.
+        """
         return None
 
     @abstractmethod
@@ -90,7 +98,9 @@ def _row_term(row: dict[str, Any]) -> str:
     )
 
 
-def fill_table(table: ui.table, rows: Iterable[Collection[object]], chosen: Collection[str] = ()) -> None:
+def fill_table(
+    table: ui.table, rows: Iterable[Collection[object]], chosen: Collection[str] = ()
+) -> None:
     """Show rows; those that belong to what is chosen are marked."""
     shown = []
     for key, row in enumerate(list(rows)[:MAX_TABLE_ROWS]):

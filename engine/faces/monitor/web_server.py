@@ -61,10 +61,16 @@ def _overview_page(shared: SharedState) -> None:
     page_heading("Runs", "runs")
     if not shared.read_only:
         start_form()
-    columns = [{"name": column, "label": column, "field": column, "align": "left"} for column in RUN_COLUMNS]
+    columns = [
+        {"name": column, "label": column, "field": column, "align": "left"}
+        for column in RUN_COLUMNS
+    ]
     table = ui.table(columns=columns, rows=[], row_key="run").classes("w-full").props("dense flat")
     table.props('hide-no-data data-testid="runs"').add_slot("body-cell-run", RUN_LINK)
-    said = f"The store {shared.store} has no run yet. Begin one: cellwright run TARGET --store {shared.store}"
+    said = (
+        f"The store {shared.store} has no run yet. Begin one: cellwright run TARGET --store "
+        f"{shared.store}"
+    )
     none = ui.label(said)
 
     async def show() -> None:
@@ -89,7 +95,8 @@ def _run_rows(shared: SharedState) -> list[dict[str, str]]:
         )
         begun = begun_run.begun[:16].replace("T", " ")
         address = f"/run/{quote(begun_run.run, safe='')}"
-        rows.append({"run": begun_run.run, "target": str(begun_run.document.get("target", "")), "begun": f"{begun} UTC", "stands": stands, "link": address})  # fmt: skip
+        rows.append({"run": begun_run.run, "target": str(begun_run.document.get("target", "")), "begun": f"{begun} "
+        "UTC", "stands": stands, "link": address})  # fmt: skip
     return rows
 
 
@@ -99,7 +106,9 @@ def _work_page(shared: SharedState) -> None:
     page_heading("Preparation and long work", "long work")
     if not shared.read_only:
         with ui.row().classes("items-center"):
-            words = ui.input("command", value="prepare bulkhead --store prepared.db").classes("w-96")
+            words = ui.input("command", value="prepare bulkhead --store prepared.db").classes(
+                "w-96"
+            )
             words.props('dense data-testid="words"')
 
             async def begin() -> None:
@@ -107,7 +116,9 @@ def _work_page(shared: SharedState) -> None:
                 await ui.run_javascript(f"return send('/orders', {asked})", timeout=90.0)
 
             ui.button("Begin", on_click=begin).props('dense no-caps data-testid="begin"')
-        ui.label(f"What can be begun: {', '.join(LONG_COMMANDS)}; it works in {shared.sheets.folder}")
+        ui.label(
+            f"What can be begun: {', '.join(LONG_COMMANDS)}; it works in {shared.sheets.folder}"
+        )
     shown = ui.column().classes("w-full")
 
     def show() -> None:
@@ -115,10 +126,20 @@ def _work_page(shared: SharedState) -> None:
         with shown:
             for job in shared.jobs[::-1]:
                 stands = (
-                    "works" if job.code is None else "✓ done" if job.code == 0 else f"✗ ended with {job.code}"
+                    "works"
+                    if job.code is None
+                    else "✓ done"
+                    if job.code == 0
+                    else f"✗ ended with {job.code}"
                 )
-                ui.label(f"{shlex.join(job.words)}: {stands}, {job.seconds:.0f} s").props('data-testid="job"')
-                text = ui.label(job.text[-4000:]).classes("text-caption").props('data-testid="job-text"')
+                ui.label(f"{shlex.join(job.words)}: {stands}, {job.seconds:.0f} s").props(
+                    'data-testid="job"'
+                )
+                text = (
+                    ui.label(job.text[-4000:])
+                    .classes("text-caption")
+                    .props('data-testid="job-text"')
+                )
                 text.style("white-space: pre; font-family: monospace; overflow-x: auto")
 
     ui.timer(0.5, show)
@@ -135,7 +156,8 @@ def _page_or_refusal(make: Callable[[], object], back: str) -> None:
 
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 ChangeRequest = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
-RECONNECT_S = 60.0  # for which a page whose network is cut may come back as it was; then it loads anew
+# for which a page whose network is cut may come back as it was; then it loads anew
+RECONNECT_S = 60.0
 MAX_MESSAGES = 100  # messages that are kept for such a page; one that has missed more loads anew
 SILENCE_S = 15.0  # after which a stream says that it is still there
 
@@ -201,11 +223,16 @@ async def _answer_change(request: Request, change: ChangeRequest) -> JSONRespons
 
 
 async def _event_stream(shared: SharedState, run: str, after: int) -> AsyncIterator[str]:
-    """The records of a run behind a number, as server-sent events, for as long as somebody listens."""
+    """The records of a run behind a number, as server-sent events, for as long as somebody
+    listens.
+    """
     try:
         await asyncio.to_thread(shared.follow, run)
     except InvalidInput as refused:
-        yield f"event: refused\ndata: {json.dumps([diagnostic.message for diagnostic in refused.diagnostics])}\n\n"
+        yield (
+            "event: refused\ndata: "
+            f"{json.dumps([diagnostic.message for diagnostic in refused.diagnostics])}\n\n"
+        )
         return
     quiet = 0.0
     while True:
@@ -226,7 +253,9 @@ def _event_text(run: str, number: int, shared: SharedState) -> str:
     key = (id(shared), run, number)
     if key not in _EVENT_TEXTS:
         record = shared.follow(run).records[number - 1]
-        _EVENT_TEXTS[key] = f"id: {number}\ndata: {json.dumps(record.entry(run), ensure_ascii=False)}\n\n"
+        _EVENT_TEXTS[key] = (
+            f"id: {number}\ndata: {json.dumps(record.entry(run), ensure_ascii=False)}\n\n"
+        )
         while len(_EVENT_TEXTS) > KEPT:
             del _EVENT_TEXTS[next(iter(_EVENT_TEXTS))]
     return _EVENT_TEXTS[key]

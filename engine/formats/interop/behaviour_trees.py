@@ -1,7 +1,8 @@
 """Plans as behaviour trees in the XML of BehaviorTree.CPP 4, with series and parallel parts.
 
-Every partial order is the order of such a tree, if some of the parts wait for steps of other parts. Few have to: a set of
-steps is first split where everything before comes before everything behind, then into parts that nothing connects.
+Every partial order is the order of such a tree, if some of the parts wait for steps of other parts.
+Few have to: a set of steps is first split where everything before comes before everything behind,
+then into parts that nothing connects.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +26,10 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class ParallelParts:
-    """Parts that run side by side, in an order that can be executed. Each begins when all steps that it waits for are done."""
+    """Parts that run side by side, in an order that can be executed.
+
+    Each begins when all steps that it waits for are done.
+    """
 
     parts: tuple["Part", ...]
     waits: tuple[tuple[StepId, ...], ...]
@@ -35,7 +39,9 @@ Part = StepId | Series | ParallelParts
 
 
 def plan_structure(plan: Plan) -> Part:
-    """The tree of a plan. Its order is that of the plan: no step waits for another than in the plan, and none for fewer."""
+    """The tree of a plan. Its order is that of the plan: no step waits for another than in the
+    plan, and none for fewer.
+    """
     order = _Order(plan)
     return _part_of(order, list(range(len(plan.steps))), 0)
 
@@ -55,7 +61,11 @@ class _Order:
                 earlier |= self.before[earlier_place]
             self.just_before.append(
                 tuple(
-                    sorted(earlier_place for earlier_place in {*direct} if not earlier >> earlier_place & 1)
+                    sorted(
+                        earlier_place
+                        for earlier_place in {*direct}
+                        if not earlier >> earlier_place & 1
+                    )
                 )
             )
             for earlier_place in direct:
@@ -69,12 +79,17 @@ def _part_of(order: _Order, places: list[int], depth: int) -> Part:
     if len(series := _in_series(order, places)) > 1 or not places:
         return Series(tuple(_part_of(order, group, depth + 1) for group in series))
     if len(apart := _independent_groups(order, places)) > 1 and depth < MAX_DEPTH_OF_PARTS:
-        return ParallelParts(tuple(_part_of(order, group, depth + 1) for group in apart), ((),) * len(apart))
+        return ParallelParts(
+            tuple(_part_of(order, group, depth + 1) for group in apart), ((),) * len(apart)
+        )
     return _waiting_chains(order, places)
 
 
 def _in_series(order: _Order, places: list[int]) -> list[list[int]]:
-    """The places cut wherever everything before comes before everything behind. Cuts are found from the end."""
+    """The places cut wherever everything before comes before everything behind.
+
+    Cuts are found from the end.
+    """
     cuts, common, inside = [len(places)], -1, 0
     for place in places:
         inside |= 1 << place
@@ -122,12 +137,15 @@ def _waiting_chains(order: _Order, places: list[int]) -> ParallelParts:
     ]
     ids = [tuple(order.ids[chain_place] for chain_place in chain) for chain in chains]
     return ParallelParts(
-        tuple(chain_ids[0] if len(chain_ids) == 1 else Series(chain_ids) for chain_ids in ids), tuple(waits)
+        tuple(chain_ids[0] if len(chain_ids) == 1 else Series(chain_ids) for chain_ids in ids),
+        tuple(waits),
     )
 
 
 def _step_chains(order: _Order, places: Sequence[int]) -> Iterator[list[int]]:
-    """The places as chains: a step joins the step before it if that is the only one before it and it is the only one behind."""
+    """The places as chains: a step joins the step before it if that is the only one before it
+    and it is the only one behind.
+    """
     inside = {*places}
     behind: dict[int, list[int]] = {}
     for place in places:
@@ -148,7 +166,10 @@ MAIN_TREE = "Plan"
 
 
 def write_behaviour_tree(domain: Domain, plan: Plan) -> str:
-    """The behaviour tree of a plan. It succeeds when all steps have, and fails as soon as one does."""
+    """The behaviour tree of a plan.
+
+    It succeeds when all steps have, and fails as soon as one does.
+    """
     root = ElementTree.Element("root", BTCPP_format="4", main_tree_to_execute=MAIN_TREE)
     tree = ElementTree.SubElement(root, "BehaviorTree", ID=MAIN_TREE)
     operators = {operator.name: operator for operator in domain.operators}
@@ -159,7 +180,8 @@ def write_behaviour_tree(domain: Domain, plan: Plan) -> str:
     used = {step.operator.name for step in plan.steps}
     root.append(
         _node_models(
-            [used_operator for used_operator in domain.operators if used_operator.name in used], domain
+            [used_operator for used_operator in domain.operators if used_operator.name in used],
+            domain,
         )
     )
     ElementTree.indent(root)
@@ -245,7 +267,10 @@ def _port_values(operator: Operator, step: Step) -> dict[str, str]:
         values["duration"] = str(step.duration)
     if operator.command is not None:
         bound = dict(zip(operator.variables, step.operator.arguments, strict=True))
-        values |= {name: str(substitute_term(term, bound)) for name, term in _command_terms(operator).items()}
+        values |= {
+            name: str(substitute_term(term, bound))
+            for name, term in _command_terms(operator).items()
+        }
     return values
 
 
@@ -265,7 +290,10 @@ def _node_models(operators: list[Operator], domain: Domain) -> ElementTree.Eleme
         for parameter in operator.parameters:
             number = parameter.type in ("int", "time")
             _declare_port(
-                model, ports[parameter.variable.name], "int" if number else "std::string", parameter.type
+                model,
+                ports[parameter.variable.name],
+                "int" if number else "std::string",
+                parameter.type,
             )
         _declare_port(model, "duration", "int", f"how long it takes, in {domain.time_unit}", "0")
         for name, meaning in (

@@ -21,30 +21,46 @@ from cellwright.kb.model.part_scene import Scene
 from cellwright.kb.numbers import is_number
 
 PLATES_EXAMPLE = '{"plates": [{"distance": 600, "image": "a.npy"}]}'
-HELD_EXAMPLE = '{"empty": "empty.npy", "held": [{"joints": [0, -90, 90, -90, -90, 0], "image": "b.npy"}]}'
+HELD_EXAMPLE = (
+    '{"empty": "empty.npy", "held": [{"joints": [0, -90, 90, -90, -90, 0], "image": "b.npy"}]}'
+)
 
 
 def read_plates(file: Path, scene: Scene) -> tuple[list[Floats], list[float]]:
-    """Images of plates, and their distances in metres (in the file in millimetres). Raises `InvalidInput`."""
+    """Images of plates, and their distances in metres (in the file in millimetres).
+
+    Raises `InvalidInput`.
+    """
     entries = list(
-        _image_entries(file, _read_document(file, PLATES_EXAMPLE), "plates", "distance", PLATES_EXAMPLE)
+        _image_entries(
+            file, _read_document(file, PLATES_EXAMPLE), "plates", "distance", PLATES_EXAMPLE
+        )
     )
     for n, (_, distance) in enumerate(entries, 1):
         if not is_number(distance) or distance <= 0:
             raise _bad_readings(
-                file, f"plate {n}: `distance` has to be a positive number of millimetres", PLATES_EXAMPLE
+                file,
+                f"plate {n}: `distance` has to be a positive number of millimetres",
+                PLATES_EXAMPLE,
             )
-    return [_read_image(file, name, scene) for name, _ in entries], [value / 1000 for _, value in entries]
+    return [_read_image(file, name, scene) for name, _ in entries], [
+        value / 1000 for _, value in entries
+    ]
 
 
 def read_held(file: Path, scene: Scene) -> TargetReadings:
-    """Images of a target in the hand at joint values (in the file in degrees), and one without it. Raises `InvalidInput`."""
+    """Images of a target in the hand at joint values (in the file in degrees), and one without it.
+
+    Raises `InvalidInput`.
+    """
     count = len(scene.cell.arms[scene.hand.arm].arm.joints)
     document = _read_document(file, HELD_EXAMPLE)
     entries = list(_image_entries(file, document, "held", "joints", HELD_EXAMPLE))
     for n, (_, joints) in enumerate(entries, 1):
         if not isinstance(joints, list) or len(joints) != count or not all(map(is_number, joints)):
-            raise _bad_readings(file, f"reading {n}: `joints` has to be {count} numbers", HELD_EXAMPLE)
+            raise _bad_readings(
+                file, f"reading {n}: `joints` has to be {count} numbers", HELD_EXAMPLE
+            )
     empty = document.get("empty")
     if not isinstance(empty, str):
         raise _bad_readings(
@@ -52,7 +68,9 @@ def read_held(file: Path, scene: Scene) -> TargetReadings:
         )
     joints = tuple(np.radians(np.array(angles, dtype=float)) for _, angles in entries)
     return TargetReadings(
-        _read_image(file, empty, scene), joints, tuple(_read_image(file, name, scene) for name, _ in entries)
+        _read_image(file, empty, scene),
+        joints,
+        tuple(_read_image(file, name, scene) for name, _ in entries),
     )
 
 
@@ -79,7 +97,9 @@ def _image_entries(
             or set(entry) != {about, "image"}
             or not isinstance(entry["image"], str)
         ):
-            raise _bad_readings(file, f"entry {n} of `{key}` has to have `{about}` and `image`", hint)
+            raise _bad_readings(
+                file, f"entry {n} of `{key}` has to have `{about}` and `image`", hint
+            )
         yield entry["image"], entry[about]
 
 

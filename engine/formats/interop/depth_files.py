@@ -1,7 +1,8 @@
-"""Depth images and clouds of points from files: NumPy arrays, 16-bit PNG, and the points of PCD and PLY files.
+"""Depth images and clouds of points from files: NumPy arrays, 16-bit PNG, and the points of PCD and
+PLY files.
 
-A row of an array or a PNG is a row of the picture. Points are in the camera's frame in metres; each is put into its pixel, the
-nearest one counts.
+A row of an array or a PNG is a row of the picture. Points are in the camera's frame in metres; each
+is put into its pixel, the nearest one counts.
 """
 
 import io
@@ -19,7 +20,8 @@ from cellwright.kb.files import foreign_bytes
 MAX_DEPTH_BYTES = 256 * 2**20
 PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write it
 MAX_DEPTH_M = (
-    1e6  # a coordinate of a measured point; squares of much larger ones leave no digits for millimetres
+    # a coordinate of a measured point; squares of much larger ones leave no digits for millimetres
+    1e6
 )
 MIN_DEPTH_M = 1e-6  # in front of a camera
 PLY_TYPES = {
@@ -44,22 +46,30 @@ PLY_TYPES |= {"int32": "i4", "uint32": "u4"}
 
 
 def read_depth(path: Path, camera: DepthCamera) -> Floats:
-    """Depths (height, width) in metres, 0 for nothing. Raises `InvalidInput` for what cannot be read, or another size."""
+    """Depths (height, width) in metres, 0 for nothing.
+
+    Raises `InvalidInput` for what cannot be read, or another size.
+    """
     depths = _read_by_suffix(
-        path, {".npy": _read_array, ".png": _read_png, ".pcd": _read_pcd, ".ply": _read_ply}, "depth image"
+        path,
+        {".npy": _read_array, ".png": _read_png, ".pcd": _read_pcd, ".ply": _read_ply},
+        "depth image",
     )
     depth = _in_pixels(depths, camera) if depths.ndim == 2 and depths.shape[1] == 3 else depths
     if depth.shape != (camera.height, camera.width):
         size = f"{camera.width} x {camera.height}"
         shape = " x ".join(map(str, depth.shape[::-1]))
         raise _bad_depth_file(
-            path, f"it has {shape} pixels, the camera {size}", "give the camera its `width` and `height`"
+            path,
+            f"it has {shape} pixels, the camera {size}",
+            "give the camera its `width` and `height`",
         )
     return np.where(np.isfinite(depth) & (depth > 0), depth, 0.0)
 
 
 def read_cloud(path: Path, unit_m: float = 1.0) -> Floats:
-    """Points (n, 3) in metres, those that are finite. Raises `InvalidInput` for what cannot be read.
+    """Points (n, 3) in metres, those that are finite. Raises `InvalidInput` for what cannot be
+    read.
 
     The file counts in `unit_m`; whole numbers in a `.npy` are millimetres.
     """
@@ -71,7 +81,9 @@ def read_cloud(path: Path, unit_m: float = 1.0) -> Floats:
     }
     points = _read_by_suffix(path, readers, "file of points")
     if points.shape[1] != 3:
-        raise _bad_depth_file(path, f"it has {points.shape[1]} columns", "give x, y and z of each point")
+        raise _bad_depth_file(
+            path, f"it has {points.shape[1]} columns", "give x, y and z of each point"
+        )
     kept: Floats = points[np.isfinite(points).all(axis=1)]
     if (np.abs(kept) > MAX_DEPTH_M).any():
         hint = "say with --unit in what the file counts"
@@ -93,10 +105,14 @@ def _read_rows(data: bytes) -> Floats:
     if any(len(row) != len(names) for row in lines):
         raise ValueError("not every line has as many columns as the first one")
     columns = [names.index(axis) for axis in "xyz"]
-    return np.array([[float(row[column]) for column in columns] for row in lines[1:]], float).reshape(-1, 3)
+    return np.array(
+        [[float(row[column]) for column in columns] for row in lines[1:]], float
+    ).reshape(-1, 3)
 
 
-def _read_by_suffix(path: Path, readers: Mapping[str, Callable[[bytes], Floats]], what: str) -> Floats:
+def _read_by_suffix(
+    path: Path, readers: Mapping[str, Callable[[bytes], Floats]], what: str
+) -> Floats:
     """What the reader for a file's ending makes of it."""
     reader = readers.get(path.suffix.lower())
     if reader is None:
@@ -144,7 +160,9 @@ def _read_pcd(data: bytes) -> Floats:
         at = end + 1
     names, count = header["FIELDS"], int(header["POINTS"][0])
     kinds = {"F": "f", "I": "i", "U": "u"}
-    columns = [(n, kinds[t] + s) for n, t, s in zip(names, header["TYPE"], header["SIZE"], strict=True)]
+    columns = [
+        (n, kinds[t] + s) for n, t, s in zip(names, header["TYPE"], header["SIZE"], strict=True)
+    ]
     if any(count_text != "1" for count_text in header.get("COUNT", [])):
         raise ValueError("fields of several numbers")
     return _points_of_rows(data[at:], columns, count, header["DATA"][0] == "ascii", "<")
@@ -165,7 +183,9 @@ def _read_ply(data: bytes) -> Floats:
             count = int(line[2]) if reading else count
         elif line[0] == "property" and reading:
             columns.append((line[2], PLY_TYPES[line[1]]))
-    return _points_of_rows(data[at:], columns, count, form == "ascii", ">" if "big" in form else "<")
+    return _points_of_rows(
+        data[at:], columns, count, form == "ascii", ">" if "big" in form else "<"
+    )
 
 
 def _points_of_rows(

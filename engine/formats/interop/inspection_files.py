@@ -5,7 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from cellwright.engine.formats.interop import measurement_edits
-from cellwright.engine.formats.interop.measurement_edits import all_facts, measurement_names, problem_text
+from cellwright.engine.formats.interop.measurement_edits import (
+    all_facts,
+    measurement_names,
+    problem_text,
+)
 from cellwright.engine.formats.interop.measurement_tables import read_table, unit_m
 from cellwright.engine.model.answer_wording import count_noun
 from cellwright.engine.model.part_measurements import Inspection, MeasurementPoint, measurements_of
@@ -30,10 +34,11 @@ NO_POINTS_HINT = "measure it otherwise, or add points with `cellwright measureme
 def import_file(
     path: Path, domain: str, unit: str = "mm", edge: float | None = None, table: bool = False
 ) -> tuple[Inspection, ToolPartition, str]:
-    """The points to measure in a QIF document or a CSV table, their division among the tools, and the text of a problem.
+    """The points to measure in a QIF document or a CSV table, their division among the tools, and
+    the text of a problem.
 
-    The goals are the measurements that some tool can make. `unit` is that of a table, of `edge`, and of a document that names
-    none. Points on faces are at least `edge` away from their edges.
+    The goals are the measurements that some tool can make. `unit` is that of a table, of `edge`,
+    and of a document that names none. Points on faces are at least `edge` away from their edges.
     With `table`, the file is a table, whatever its name. Raises `InvalidInput`.
     """
     cell = load(find_target(domain)).domain
@@ -42,7 +47,9 @@ def import_file(
     told = tuple(all_facts(inspection, cell.conventions))
     strange = _unknown_kinds(inspection, cell)
     facts = tuple(
-        fact for fact in told if fact.name in cell.predicates and not _needs_kind(fact, strange, cell)
+        fact
+        for fact in told
+        if fact.name in cell.predicates and not _needs_kind(fact, strange, cell)
     )
     left_out = sorted({fact.name for fact in told} - {*cell.predicates})
     inspection = replace(inspection, left_out=tuple(left_out), strange=strange)
@@ -52,37 +59,53 @@ def import_file(
     possible = {name for names in parts.groups.values() for name in names}
     kept = _attainable_facts(facts, possible, cell)
     wanted = [name for name in measurement_names(inspection) if name in possible]
-    return inspection, parts, problem_text(inspection, domain_reference(cell), cell.conventions, kept, wanted)
+    return (
+        inspection,
+        parts,
+        problem_text(inspection, domain_reference(cell), cell.conventions, kept, wanted),
+    )
 
 
 def _attainable_facts(
     facts: Iterable[Function], possible: Collection[str], domain: Domain
 ) -> Iterator[Function]:
-    """The facts without steps of the alignment that no tool can measure: nothing should wait for these."""
+    """The facts without steps of the alignment that no tool can measure: nothing should wait
+    for these.
+    """
     step = domain.conventions.alignment
     return (fact for fact in facts if fact.name != step or str(fact.arguments[0]) in possible)
 
 
 def _unknown_kinds(inspection: Inspection, domain: Domain) -> tuple[str, ...]:
-    """The kinds of measurements, in the words of the domain, that are no values of what its measurements can need."""
+    """The kinds of measurements, in the words of the domain, that are no values of what its
+    measurements can need.
+    """
     words = domain.conventions
     declared = domain.predicates.get(words.needs)
     if declared is None:
         return ()
     kinds = {words.kind(point.kind) for point in inspection.points}
     known = {
-        name for name, type_ in domain.objects.items() if domain.is_subtype(type_, declared.arguments[1])
+        name
+        for name, type_ in domain.objects.items()
+        if domain.is_subtype(type_, declared.arguments[1])
     }
     return tuple(sorted(kinds - known))
 
 
 def _missing_uncertainties(problem: Problem) -> tuple[str, ...]:
-    """The predicates, with their arguments, that would say how uncertain measured values are, and of which there are no facts."""
+    """The predicates, with their arguments, that would say how uncertain measured values are,
+    and of which there are no facts.
+    """
     domain, told = problem.domain, {fact.name for fact in problem.statics}
     measures = (operator.command.measures for operator in domain.operators if operator.command)
     terms = (measure.uncertainty for measure in measures if measure)
-    asked = {term.name for term in terms if isinstance(term, Function) and term.name in domain.predicates}
-    return tuple(f"{name}({', '.join(domain.predicates[name].arguments)})" for name in sorted(asked - told))
+    asked = {
+        term.name for term in terms if isinstance(term, Function) and term.name in domain.predicates
+    }
+    return tuple(
+        f"{name}({', '.join(domain.predicates[name].arguments)})" for name in sorted(asked - told)
+    )
 
 
 def _needs_kind(fact: Function, kinds: Collection[str], domain: Domain) -> bool:
@@ -114,7 +137,9 @@ def _require_free_names(inspection: Inspection, domain: Domain, path: Path) -> N
 
 
 def inspection_remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
-    """A warning for each feature that has no points, or others than were asked for, and for datums that no run would use."""
+    """A warning for each feature that has no points, or others than were asked for, and for
+    datums that no run would use.
+    """
     told = [
         (exclusion.feature, f"has no points: {exclusion.reason}", NO_POINTS_HINT)
         for exclusion in inspection.excluded
@@ -145,22 +170,31 @@ def inspection_remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, 
         *undeclared,
         *unknown,
         *_alignment_warnings(inspection, where),
-        *(Diagnostic(where, "K807", f"{name} {what}", hint, warning=True) for name, what, hint in told),
+        *(
+            Diagnostic(where, "K807", f"{name} {what}", hint, warning=True)
+            for name, what, hint in told
+        ),
     )
 
 
 def _alignment_warnings(inspection: Inspection, where: Source) -> Iterator[Diagnostic]:
-    """A warning if points are datums, and facts that are not there would say how uncertain their values are."""
+    """A warning if points are datums, and facts that are not there would say how uncertain
+    their values are.
+    """
     count = sum(1 for point in inspection.points if point.step)
     if count and inspection.unsure:
         datums = f"{count_noun(count, 'point')} of datums"
-        said = f"a run cannot find the part by its {datums} before it knows how uncertain their values are"
+        said = (
+            f"a run cannot find the part by its {datums} before it knows how uncertain their "
+            "values are"
+        )
         hint = f"add to `statics` what the domain declares for that: {', '.join(inspection.unsure)}"
         yield Diagnostic(where, "K807", said, hint, warning=True)
 
 
 def as_qif(problem: Problem) -> tuple[str, int, tuple[Diagnostic, ...]]:
-    """The measurements of a problem as a QIF document, how many they are, and a warning for each that is nowhere.
+    """The measurements of a problem as a QIF document, how many they are, and a warning for each
+    that is nowhere.
 
     Raises `InvalidInput` for a domain without measurements.
     """
@@ -182,23 +216,30 @@ def as_qif(problem: Problem) -> tuple[str, int, tuple[Diagnostic, ...]]:
     return written_points(measured_points), len(measured_points), tuple(told)
 
 
-def _inspection_problem(inspection: Inspection, domain: Domain, facts: tuple[Function, ...]) -> Problem:
+def _inspection_problem(
+    inspection: Inspection, domain: Domain, facts: tuple[Function, ...]
+) -> Problem:
     objects = dict.fromkeys(measurement_names(inspection), domain.conventions.measurement)
     return Problem(inspection.name, domain, objects, facts)
 
 
 def edit_measurements(path: Path, how: str, measurements: Sequence[MeasurementPoint | str]) -> None:
-    """Add (`added`), change (`replaced`) or remove (`removed`, by name) measurements in a problem file, all or none.
+    """Add (`added`), change (`replaced`) or remove (`removed`, by name) measurements in a problem
+    file, all or none.
 
     The new text is read as a trial before it replaces the old one. Raises `InvalidInput`.
     """
     problem = load(path).problem
-    _require_there(path, problem, [_measurement_name(measurement) for measurement in measurements], how)
+    _require_there(
+        path, problem, [_measurement_name(measurement) for measurement in measurements], how
+    )
     words = problem.domain.conventions if problem else Conventions()
     lines = read_file(path).text.splitlines()
     for measurement_entry in measurements:
         if isinstance(measurement_entry, str):
-            lines = measurement_edits.remove_measurement_lines(lines, measurement_entry, str(path), words)
+            lines = measurement_edits.remove_measurement_lines(
+                lines, measurement_entry, str(path), words
+            )
         else:
             lines = (
                 measurement_edits.add_measurement_lines
@@ -219,7 +260,10 @@ def _measurement_name(measurement: MeasurementPoint | str) -> str:
 
 
 def _require_there(path: Path, problem: Problem | None, names: Sequence[str], how: str) -> None:
-    """Refuse to add a name that is there, and to change or remove one that is not. Each is named once."""
+    """Refuse to add a name that is there, and to change or remove one that is not.
+
+    Each is named once.
+    """
     there = set(measurements_of(problem)) if problem else set()
     for name in names:
         if problem is None or (name in there) == (how == "added"):
@@ -228,7 +272,9 @@ def _require_there(path: Path, problem: Problem | None, names: Sequence[str], ho
 
 
 def _name_diagnostic(name: str, known: Collection[str], where: Source) -> Diagnostic:
-    """The diagnostic for a new measurement whose name is taken, or for a name that is not a measurement."""
+    """The diagnostic for a new measurement whose name is taken, or for a name that is not a
+    measurement.
+    """
     if name in known:
         return Diagnostic(
             where,

@@ -15,8 +15,15 @@ from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import apply
 from cellwright.engine.model.part_measurements import MeasurementPoint, Triple
 from cellwright.engine.model.shape_fits import Datums
-from cellwright.engine.pipelines.inspection.measurement_points import METRES_PER_UNIT, points_of_problem
-from cellwright.engine.pipelines.inspection.part_alignment import datum_points, datums_of_points, deviation_m
+from cellwright.engine.pipelines.inspection.measurement_points import (
+    METRES_PER_UNIT,
+    points_of_problem,
+)
+from cellwright.engine.pipelines.inspection.part_alignment import (
+    datum_points,
+    datums_of_points,
+    deviation_m,
+)
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import read_file
 from cellwright.kb.loader import domain_of
@@ -25,14 +32,18 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.targets import DOMAIN_FILE
 
 RESULTS_HINT = "name the problem that was run, and results that `cellwright results -o` has written"
-DOMAIN_LINE = re.compile(r"""^(domain:[ \t]*)("[^"\n]*"|'[^'\n]*'|[^#\n]*?)([ \t]*(?:#.*)?)$""", re.MULTILINE)
+DOMAIN_LINE = re.compile(
+    r"""^(domain:[ \t]*)("[^"\n]*"|'[^'\n]*'|[^#\n]*?)([ \t]*(?:#.*)?)$""", re.MULTILINE
+)
 
 
 def read_results(path: Path) -> Results:
     """The results in a file that `cellwright results -o` has written. Raises `InvalidInput`."""
     form = path.suffix[1:].lower()
     if form not in [result_form.value for result_form in ResultForm]:
-        raise _bad_alignment(path, f"'{path.suffix}' is no form of results", "one of .csv, .json, .qif")
+        raise _bad_alignment(
+            path, f"'{path.suffix}' is no form of results", "one of .csv, .json, .qif"
+        )
     try:
         return read_results_text(read_file(path).text, ResultForm(form))
     except ValueError as error:
@@ -44,15 +55,19 @@ def _bad_alignment(path: Path, message: str, hint: str) -> InvalidInput:
 
 
 def datums_of(problem: Problem, results: Results, sigma_m: float) -> Datums:
-    """The profiles among the results as datums: those of the alignment's steps, or all if the problem has no such steps.
+    """The profiles among the results as datums: those of the alignment's steps, or all if the
+    problem has no such steps.
 
-    A value beyond its nominal value lies that far along the normal. The last value of a point counts. Raises `InvalidInput`.
+    A value beyond its nominal value lies that far along the normal. The last value of a point
+    counts. Raises `InvalidInput`.
     """
     known = datum_points(problem)
     last = {measured.of: measured for measured in results.measured if measured.of in known}
     if not last:
         raise _bad_alignment(
-            Path(problem.path), "the results have no profile of a point of this problem", RESULTS_HINT
+            Path(problem.path),
+            "the results have no profile of a point of this problem",
+            RESULTS_HINT,
         )
     measured_datums = [
         (known[name], _deviation_m(measured, problem)) for name, measured in sorted(last.items())
@@ -66,13 +81,16 @@ def _deviation_m(measured: Measured, problem: Problem) -> float:
         raise _bad_alignment(Path(problem.path), message, f"one of {', '.join(METRES_PER_UNIT)}")
     off_m = deviation_m(measured)
     if abs(off_m) > MAX_DEPTH_M:
-        message = f"the value of {measured.of} is farther than {MAX_DEPTH_M:.0f} m from its nominal value"
+        message = (
+            f"the value of {measured.of} is farther than {MAX_DEPTH_M:.0f} m from its nominal value"
+        )
         raise _bad_alignment(Path(problem.path), message, "leave it out of the results")
     return off_m
 
 
 def write_moved(problem: Problem, T: Floats, target: Path) -> int:
-    """Write the problem with all its points displaced by T (4, 4); how many these are. Raises `InvalidInput`.
+    """Write the problem with all its points displaced by T (4, 4); how many these are. Raises
+    `InvalidInput`.
 
     A file that is there already is replaced by the whole new text, or kept.
     """
@@ -80,7 +98,9 @@ def write_moved(problem: Problem, T: Floats, target: Path) -> int:
     moved: list[MeasurementPoint | str] = [_transform_point(point, T) for point in measured_points]
     if target.exists() and target.samefile(problem.path):
         raise _bad_alignment(
-            target, "this is the problem that was run, and the results belong to it", "name another file"
+            target,
+            "this is the problem that was run, and the results belong to it",
+            "name another file",
         )
     copy = target.with_name(f".{target.stem}.moved{target.suffix}")
     try:
@@ -93,7 +113,8 @@ def write_moved(problem: Problem, T: Floats, target: Path) -> int:
 
 
 def _text_elsewhere(problem: Problem, copy: Path) -> str:
-    """The text of a problem file for another place; its domain is named so that it is found from there.
+    """The text of a problem file for another place; its domain is named so that it is found from
+    there.
 
     Raises `InvalidInput`.
     """
@@ -113,7 +134,9 @@ def _text_elsewhere(problem: Problem, copy: Path) -> str:
 def _transform_point(point: MeasurementPoint, T: Floats) -> MeasurementPoint:
     position = apply(T, np.array([point.position]))[0]
     return replace(
-        point, position=_point_triple(position), normal=_point_triple(T[:3, :3] @ np.array(point.normal))
+        point,
+        position=_point_triple(position),
+        normal=_point_triple(T[:3, :3] @ np.array(point.normal)),
     )
 
 

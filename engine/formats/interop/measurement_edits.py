@@ -1,6 +1,7 @@
 """Measurements in problem files: written as facts and goals, and edited line by line.
 
-A list stands with one item a line, or between brackets. Only its own lines change. Lists in another form are refused.
+A list stands with one item a line, or between brackets. Only its own lines change. Lists in another
+form are refused.
 """
 
 import re
@@ -25,7 +26,10 @@ class ListedItem:
 
 @dataclass(frozen=True, slots=True)
 class YamlList:
-    """A list in lines `first` to `stop`. `head` stands before the items, `tail` behind them; `margin` is None in brackets."""
+    """A list in lines `first` to `stop`.
+
+    `head` stands before the items, `tail` behind them; `margin` is None in brackets.
+    """
 
     first: int
     stop: int
@@ -41,7 +45,9 @@ class YamlList:
     def written(self, items: Sequence[ListedItem | str]) -> list[str]:
         """The lines of the list with these items."""
         if self.margin is None:
-            shown = [_quote_in_brackets(item.text) for item in items if isinstance(item, ListedItem)]
+            shown = [
+                _quote_in_brackets(item.text) for item in items if isinstance(item, ListedItem)
+            ]
             return [f"{self.head}[{', '.join(shown)}]{self.tail}"]
         lines = [e if isinstance(e, str) else f"{self.margin}- {e.text}{e.comment}" for e in items]
         entries = any(isinstance(item, ListedItem) for item in items)
@@ -61,7 +67,9 @@ def edit_refusal(
 
 
 def find_list(lines: Sequence[str], keys: Sequence[str], path: str) -> YamlList | None:
-    """The list under nested keys; None if one of them does not occur. Raises `InvalidInput` if it has another form."""
+    """The list under nested keys; None if one of them does not occur. Raises `InvalidInput` if
+    it has another form.
+    """
     at, begin, end, depth, head, rest = 0, 0, len(lines), -1, "", ""
     for number, key in enumerate(keys):
         key_line = _find_key(lines, key, range(begin, end), depth)
@@ -84,7 +92,9 @@ def find_list(lines: Sequence[str], keys: Sequence[str], path: str) -> YamlList 
 def _find_key(lines: Sequence[str], key: str, among: range, depth: int) -> int | None:
     """The first line of a key that is deeper than `depth`, among the least deep lines there."""
     inner = [
-        number for number in among if _indentation(lines[number]) > depth and _has_content(lines[number])
+        number
+        for number in among
+        if _indentation(lines[number]) > depth and _has_content(lines[number])
     ]
     least = min((_indentation(lines[number]) for number in inner), default=0)
     key_line = (
@@ -109,11 +119,14 @@ def _indentation(line: str) -> int:
 
 
 def _end_of_block(lines: Sequence[str], at: int, depth: int) -> int:
-    """The line behind everything that belongs to a key; items of a list may be as deep as their key."""
+    """The line behind everything that belongs to a key; items of a list may be as deep as their
+    key.
+    """
     for number in range(at + 1, len(lines)):
         line = lines[number]
         if _has_content(line) and (
-            _indentation(line) < depth or (_indentation(line) == depth and not line.lstrip().startswith("- "))
+            _indentation(line) < depth
+            or (_indentation(line) == depth and not line.lstrip().startswith("- "))
         ):
             return number
     return len(lines)
@@ -145,12 +158,16 @@ def _bracketed_list(lines: Sequence[str], at: int, head: str, path: str) -> Yaml
     if close is None or (stop > at + 1 and _without_comment(text[:close])[1]):
         raise edit_refusal(path, f"the list in line {at + 1} cannot be read as lines")
     parts = [part.strip() for part in split_items(text[len(head) + 1 : close])]
-    return YamlList(at, stop, head, tuple(ListedItem(part) for part in parts if part), text[close + 1 :])
+    return YamlList(
+        at, stop, head, tuple(ListedItem(part) for part in parts if part), text[close + 1 :]
+    )
 
 
 def _closing_bracket(text: str, begin: int) -> int | None:
     """The place of the bracket that closes the one at `begin`."""
-    return next((place for place, depth, _ in _unquoted_characters(text, begin) if depth == 0), None)
+    return next(
+        (place for place, depth, _ in _unquoted_characters(text, begin) if depth == 0), None
+    )
 
 
 def _unquoted_characters(text: str, begin: int = 0) -> Iterator[tuple[int, int, str]]:
@@ -170,7 +187,9 @@ def _unquoted_characters(text: str, begin: int = 0) -> Iterator[tuple[int, int, 
 def split_items(text: str) -> list[str]:
     """The parts of a text between commas that stand outside of brackets and quotes."""
     cuts = [
-        place for place, depth, character in _unquoted_characters(text) if character == "," and depth == 0
+        place
+        for place, depth, character in _unquoted_characters(text)
+        if character == "," and depth == 0
     ]
     return [text[a + 1 : b] for a, b in zip([-1, *cuts], [*cuts, len(text)], strict=True)]
 
@@ -207,7 +226,9 @@ def point_atoms(point: MeasurementPoint, words: Conventions) -> list[Function]:
     if point.nominal_m is not None:
         declarations.append(Function(words.nominal, (name, Number(round(point.nominal_m * 1e6)))))
     if point.tolerance_m is not None:
-        declarations.append(Function(words.tolerance, (name, Number(round(point.tolerance_m * 1e6)))))
+        declarations.append(
+            Function(words.tolerance, (name, Number(round(point.tolerance_m * 1e6))))
+        )
     if point.step:
         declarations.append(Function(words.alignment, (name, Number(point.step))))
     if point.bore_m is not None:
@@ -251,9 +272,14 @@ def all_facts(inspection: Inspection, words: Conventions) -> Iterator[Function]:
 
 
 def problem_text(
-    inspection: Inspection, domain: str, words: Conventions, facts: Iterable[Function], wanted: Iterable[str]
+    inspection: Inspection,
+    domain: str,
+    words: Conventions,
+    facts: Iterable[Function],
+    wanted: Iterable[str],
 ) -> str:
-    """A problem file: every point with its facts, excluded features with their reason, and a goal for each wanted name.
+    """A problem file: every point with its facts, excluded features with their reason, and a goal
+    for each wanted name.
 
     `domain` is how the file refers to its domain, `words` is what that calls things.
     """
@@ -261,7 +287,11 @@ def problem_text(
 
 
 def _problem_lines(
-    inspection: Inspection, domain: str, words: Conventions, facts: Iterable[Function], wanted: Iterable[str]
+    inspection: Inspection,
+    domain: str,
+    words: Conventions,
+    facts: Iterable[Function],
+    wanted: Iterable[str],
 ) -> Iterator[str]:
     name = re.sub(r"[^A-Za-z0-9_]", "_", inspection.name)
     counts = f"{len(inspection.points)} points; {len(inspection.excluded)} features without any"
@@ -287,8 +317,13 @@ def add_measurement_lines(
     return _with_items(edited, "goals", [measurement_goal(point.name, words)], path)
 
 
-def remove_measurement_lines(lines: Sequence[str], name: str, path: str, words: Conventions) -> list[str]:
-    """The lines without a measurement and without the facts and goals about it. Raises `InvalidInput` if more depends on it."""
+def remove_measurement_lines(
+    lines: Sequence[str], name: str, path: str, words: Conventions
+) -> list[str]:
+    """The lines without a measurement and without the facts and goals about it.
+
+    Raises `InvalidInput` if more depends on it.
+    """
     names = find_list(lines, ("objects", words.measurement), path)
     if names is None or all(name not in _expand_range(entry.text) for entry in names.entries()):
         raise edit_refusal(path, f"'{name}' does not stand in a list under `{words.measurement}:`")
@@ -311,7 +346,9 @@ def remove_measurement_lines(lines: Sequence[str], name: str, path: str, words: 
 def replace_measurement_lines(
     lines: Sequence[str], point: MeasurementPoint, path: str, words: Conventions
 ) -> list[str]:
-    """The lines with new facts about an existing measurement; its goal and all its other facts are kept."""
+    """The lines with new facts about an existing measurement; its goal and all its other facts
+    are kept.
+    """
     told = {
         words.needs,
         words.position,
@@ -329,7 +366,9 @@ def replace_measurement_lines(
     return _with_items(edited, "statics", point_facts(point, words), path)
 
 
-def _replace_items(lines: Sequence[str], block: YamlList, items: Sequence[ListedItem | str]) -> list[str]:
+def _replace_items(
+    lines: Sequence[str], block: YamlList, items: Sequence[ListedItem | str]
+) -> list[str]:
     """The lines with other items in a list; they do not change if the items are the same."""
     if list(items) == list(block.items):
         return list(lines)
@@ -343,7 +382,9 @@ def _with_items(lines: Sequence[str], section: str, texts: Sequence[str], path: 
     if block is None:
         return [*lines, f"{section}:", *(f"  - {added_text}" for added_text in texts)]
     if block.margin is None and not block.entries():  # `goals: []`
-        block = YamlList(block.first, block.stop, f"{block.head.rstrip()}{block.tail}", (), margin="  ")
+        block = YamlList(
+            block.first, block.stop, f"{block.head.rstrip()}{block.tail}", (), margin="  "
+        )
     return _replace_items(lines, block, [*block.items, *items])
 
 
@@ -356,7 +397,9 @@ def _with_name(lines: list[str], name: str, path: str, words: Conventions) -> li
         return [*lines[: at + 1], f"  {words.measurement}: [{name}]", *lines[at + 1 :]]
     if any(re.match(r"objects\s*:", line) for line in lines):
         raise edit_refusal(
-            path, f"`objects:` has no list of {words.measurement}", f"add `{words.measurement}: []` to it"
+            path,
+            f"`objects:` has no list of {words.measurement}",
+            f"add `{words.measurement}: []` to it",
         )
     head = next((n for n, line in enumerate(lines) if re.match(r"domain\s*:", line)), -1) + 1
     return [*lines[:head], "objects:", f"  {words.measurement}: [{name}]", *lines[head:]]
@@ -371,9 +414,7 @@ def _append_name(items: Sequence[ListedItem | str], name: str) -> list[ListedIte
         and isinstance(last, ListedItem)
         and name == f"{name_range[1]}{_next_number(name_range[4], name_range[2])}"
     ):
-        longer = (
-            f"{name_range[1]}{name_range[2]}..{name_range[3]}{_next_number(name_range[4], name_range[2])}"
-        )
+        longer = f"{name_range[1]}{name_range[2]}..{name_range[3]}{_next_number(name_range[4], name_range[2])}"
         return [*items[:-1], ListedItem(longer, last.comment)]
     return [*items, ListedItem(name)]
 
@@ -390,12 +431,15 @@ def _expand_range(text: str) -> list[str]:
         return [text.strip("\"'")]
     width = len(name_range[2]) if name_range[2].startswith("0") else 0
     return [
-        f"{name_range[1]}{number:0{width}d}" for number in range(int(name_range[2]), int(name_range[4]) + 1)
+        f"{name_range[1]}{number:0{width}d}"
+        for number in range(int(name_range[2]), int(name_range[4]) + 1)
     ]
 
 
 def _without_name(item: ListedItem | str, name: str) -> Iterator[ListedItem | str]:
-    """An item without a name: nothing, the item itself, or the ranges before and behind the name."""
+    """An item without a name: nothing, the item itself, or the ranges before and behind the
+    name.
+    """
     names = _expand_range(item.text) if isinstance(item, ListedItem) else []
     if name not in names or isinstance(item, str):
         yield item
@@ -411,7 +455,9 @@ def _without_name(item: ListedItem | str, name: str) -> Iterator[ListedItem | st
 def _drop_atoms(
     item: ListedItem | str, name: str, path: str, about: re.Pattern[str] | None = None
 ) -> Iterator[ListedItem | str]:
-    """An item without the atoms that mention a name (or that match `about`); nothing if none is left."""
+    """An item without the atoms that mention a name (or that match `about`); nothing if none is
+    left.
+    """
     if isinstance(item, str):
         yield item
         return
@@ -436,7 +482,11 @@ def _require_free(block: YamlList, section: str, name: str, path: str, words: Co
     """Refuse to take away initial facts other than that the measurement is done."""
     if section != "initial":
         return
-    parts = [part.strip(" \"'") for item in block.entries() for part in split_items(item.text.strip("\"'"))]
+    parts = [
+        part.strip(" \"'")
+        for item in block.entries()
+        for part in split_items(item.text.strip("\"'"))
+    ]
     for part in parts:
         if _names_it(part, name) and not part.startswith(f"{words.measured}("):
             hint = "let it begin somewhere else first, or keep the measurement"

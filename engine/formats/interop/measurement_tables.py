@@ -18,16 +18,22 @@ OPTIONAL_COLUMNS = ("name", "kind", "nominal", "tolerance", "bore", "feature")
 NUMERIC_COLUMNS = (*NEEDED_COLUMNS, "nominal", "tolerance", "bore")
 LENGTH_COLUMNS = ("x", "y", "z", "nominal", "tolerance", "bore")
 TABLE_UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
-WITH_UNIT = re.compile(rf"({'|'.join(LENGTH_COLUMNS)})_({'|'.join(TABLE_UNITS_M)})")  # x_mm, tolerance_in
+# x_mm, tolerance_in
+WITH_UNIT = re.compile(rf"({'|'.join(LENGTH_COLUMNS)})_({'|'.join(TABLE_UNITS_M)})")
 MEASUREMENT_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
-MAX_COORDINATE_M = 2_147.0  # the language has whole numbers of 32 bits, and positions are in micrometres
+# the language has whole numbers of 32 bits, and positions are in micrometres
+MAX_COORDINATE_M = 2_147.0
 COLUMN_SEPARATORS = ",;\t"
-TABLE_HINT = f"the first line has {', '.join(NEEDED_COLUMNS)}, and any of {', '.join(OPTIONAL_COLUMNS)}"
+TABLE_HINT = (
+    f"the first line has {', '.join(NEEDED_COLUMNS)}, and any of {', '.join(OPTIONAL_COLUMNS)}"
+)
 
 
 @dataclass(frozen=True)
 class _Head:
-    """The first line: the columns as they are `written`, and without their units, and what lengths are given in."""
+    """The first line: the columns as they are `written`, and without their units, and what
+    lengths are given in.
+    """
 
     written: Sequence[str]
     columns: Sequence[str]
@@ -47,9 +53,11 @@ def unit_m(unit: str) -> float:
 
 
 def read_table(path: Path, unit: str = "mm") -> Inspection:
-    """The points of a CSV table with the columns NEEDED and any of OPTIONAL, lengths in `unit`. Raises `InvalidInput`.
+    """The points of a CSV table with the columns NEEDED and any of OPTIONAL, lengths in `unit`.
+    Raises `InvalidInput`.
 
-    A column such as `x_m` has the unit in its name. Without names, points are called p1, p2, ... Columns are divided by the first of comma, semicolon and tab that its first line contains.
+    A column such as `x_m` has the unit in its name. Without names, points are called p1, p2, ...
+    Columns are divided by the first of comma, semicolon and tab that its first line contains.
     """
     units = dict.fromkeys(LENGTH_COLUMNS, unit_m(unit))
     file = read_file(path)
@@ -71,7 +79,9 @@ def read_table(path: Path, unit: str = "mm") -> Inspection:
             ]
         )
     except csv.Error as error:
-        raise InvalidInput([_table_error(file.line(rows.line_num, 1), f"not a table: {error}")]) from None
+        raise InvalidInput(
+            [_table_error(file.line(rows.line_num, 1), f"not a table: {error}")]
+        ) from None
     points = [read_row for read_row in read_rows if isinstance(read_row, tuple)]
     wrong += [read_row for read_row in read_rows if isinstance(read_row, Diagnostic)]
     wrong += _repeated_names(points)
@@ -99,18 +109,26 @@ def _table_error(where: Source, message: str, hint: str = "") -> Diagnostic:
 
 
 def _column_errors(columns: Sequence[str], file: File) -> list[Diagnostic]:
-    """What is wrong with the first line: columns that are missing, are there twice, or have no meaning."""
+    """What is wrong with the first line: columns that are missing, are there twice, or have no
+    meaning.
+    """
     where = file.line(1, 1)
     missing = [f"'{column}'" for column in NEEDED_COLUMNS if column not in columns]
     errors = [_table_error(where, f"no column {', '.join(missing)}", TABLE_HINT)] if missing else []
     known = (*NEEDED_COLUMNS, *OPTIONAL_COLUMNS)
     twice = sorted({column for column in columns if column and columns.count(column) > 1})
     errors += [
-        _table_error(where, f"the column '{column}' is there twice", "remove one of them") for column in twice
+        _table_error(where, f"the column '{column}' is there twice", "remove one of them")
+        for column in twice
     ]
-    strange = [column for column in columns if column and column not in known and nearest_hint(column, known)]
+    strange = [
+        column
+        for column in columns
+        if column and column not in known and nearest_hint(column, known)
+    ]
     return errors + [
-        _table_error(where, f"unknown column '{column}'", nearest_hint(column, known)) for column in strange
+        _table_error(where, f"unknown column '{column}'", nearest_hint(column, known))
+        for column in strange
     ]
 
 
@@ -119,7 +137,9 @@ def _repeated_names(points: Sequence[tuple[MeasurementPoint, Source]]) -> list[D
     errors = []
     for point, where in points:
         if point.name in first:
-            message = f"the name '{point.name}' is used twice: first in line {first[point.name].line}"
+            message = (
+                f"the name '{point.name}' is used twice: first in line {first[point.name].line}"
+            )
             errors.append(_table_error(where, message, "give each point a name of its own"))
         first.setdefault(point.name, where)
     return errors
@@ -131,7 +151,9 @@ def _read_row(
     columns = head.columns
     if len(row) > len(columns) and any(cell.strip() for cell in row[len(columns) :]):
         return _table_error(
-            where, f"{len(row)} cells in {len(columns)} columns", "write 1.5 with a point, not a comma"
+            where,
+            f"{len(row)} cells in {len(columns)} columns",
+            "write 1.5 with a point, not a comma",
         )
     cells = {"name": name} if "name" not in columns else {}
     cells |= {key: text.strip() for key, text in zip(columns, row, strict=False)}
@@ -140,7 +162,9 @@ def _read_row(
         return _table_error(where, *bad)
     values = {key: read_decimal(cells[key]) for key in NUMERIC_COLUMNS if cells.get(key)}
     values |= {key: values[key] * head.units[key] for key in LENGTH_COLUMNS if key in values}
-    if (message := _row_objection(cells.get("name", ""), cells.get("kind", ""), values)) is not None:
+    if (
+        message := _row_objection(cells.get("name", ""), cells.get("kind", ""), values)
+    ) is not None:
         return _table_error(where, *message)
     length = math.hypot(values["nx"], values["ny"], values["nz"])
     name = cells["name"]
@@ -162,7 +186,10 @@ def _bad_numbers(cells: Mapping[str, str], head: _Head) -> Iterator[tuple[str, s
     for key in NUMERIC_COLUMNS:
         text = cells.get(key, "")
         if not text and key in NEEDED_COLUMNS:
-            yield f"no number in the column '{head.called(key)}'", "every point needs a position and a normal"
+            yield (
+                f"no number in the column '{head.called(key)}'",
+                "every point needs a position and a normal",
+            )
         elif text:
             try:
                 read_decimal(text)
@@ -178,7 +205,10 @@ def _row_objection(name: str, kind: str, values: Mapping[str, float]) -> tuple[s
     if not MEASUREMENT_NAME.fullmatch(name) or name == "not":
         return f"'{name}' is not a name", "a small letter, then letters, digits and _"
     if kind and not MEASUREMENT_NAME.fullmatch(kind):
-        return f"'{kind}' is not a kind of measurement", "profile, thickness, or a kind of the domain"
+        return (
+            f"'{kind}' is not a kind of measurement",
+            "profile, thickness, or a kind of the domain",
+        )
     if not any(values[key] for key in ("nx", "ny", "nz")):
         return "the normal has no length", "give the direction away from the material"
     if max(abs(values[key]) for key in LENGTH_COLUMNS if key in values) > MAX_COORDINATE_M:

@@ -9,7 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from cellwright.engine.pipelines.manipulation.arm_monitoring import BodyShifted, Event, JawsAct, OperatorAct
+from cellwright.engine.pipelines.manipulation.arm_monitoring import (
+    BodyShifted,
+    Event,
+    JawsAct,
+    OperatorAct,
+)
 from cellwright.engine.stages.geometry import transforms
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import read_file
@@ -52,10 +57,14 @@ def _operator_event(entry: Any, number: int, file: Path, scene: Scene) -> Event:
     if jaws not in list(JawsAct):
         raise _bad_events(file, f"{where}: `jaws` is one of {', '.join(JawsAct)}")
     count = len(scene.cell.arms[scene.hand.arm].arm.joints)
-    return OperatorAct(np.radians(_finite_numbers(entry, "joints", count, where, file)), JawsAct(jaws))
+    return OperatorAct(
+        np.radians(_finite_numbers(entry, "joints", count, where, file)), JawsAct(jaws)
+    )
 
 
-def _finite_numbers(entry: dict[str, Any], key: str, count: int, where: str, file: Path) -> list[float]:
+def _finite_numbers(
+    entry: dict[str, Any], key: str, count: int, where: str, file: Path
+) -> list[float]:
     """So many finite numbers; zeros where a turn is left out."""
     numbers = entry.get(key, [0.0] * count if key == "rpy" else None)
     if not isinstance(numbers, list) or len(numbers) != count:

@@ -50,7 +50,9 @@ def _declaration_lines(net: PetriNet) -> Iterator[str]:
     yield "<declaration><structure><declarations>"
     yield f'<namedsort id="{TOKEN}" name="{TOKEN}"><finiteenumeration>'
     for tokens in net.types.values():
-        yield from (f"<feconstant id={quoteattr(token)} name={quoteattr(token)}/>" for token in tokens)
+        yield from (
+            f"<feconstant id={quoteattr(token)} name={quoteattr(token)}/>" for token in tokens
+        )
     yield "</finiteenumeration></namedsort>"
     yield f'<partition id="{TYPES}" name="{TYPES}"><usersort declaration="{TOKEN}"/>'
     for type_, tokens in net.types.items():
@@ -58,8 +60,13 @@ def _declaration_lines(net: PetriNet) -> Iterator[str]:
         yield from (f"<useroperator declaration={quoteattr(token)}/>" for token in tokens)
         yield "</partitionelement>"
     yield "</partition>"
-    for name in dict.fromkeys(name for transition in net.transitions for name, _ in transition.variables):
-        yield f'<variabledecl id={quoteattr(name)} name={quoteattr(name)}><usersort declaration="{TOKEN}"/></variabledecl>'
+    for name in dict.fromkeys(
+        name for transition in net.transitions for name, _ in transition.variables
+    ):
+        yield (
+            f"<variabledecl id={quoteattr(name)} name={quoteattr(name)}><usersort "
+            f'declaration="{TOKEN}"/></variabledecl>'
+        )
     yield "</declarations></structure></declaration>"
 
 
@@ -79,7 +86,10 @@ def _place_lines(net: PetriNet, place: PetriPlace) -> Iterator[str]:
 
 def _token_sum(terms: Sequence[str]) -> str:
     """A multiset in which each term stands once."""
-    template = '<numberof><subterm><numberconstant value="1"><positive/></numberconstant></subterm><subterm>{}</subterm></numberof>'
+    template = (
+        "<numberof><subterm><numberconstant "
+        'value="1"><positive/></numberconstant></subterm><subterm>{}</subterm></numberof>'
+    )
     parts = [template.format(term) for term in terms]
     return (
         parts[0]
@@ -100,8 +110,10 @@ def _transition_lines(transition: PetriTransition) -> Iterator[str]:
 def _guard_text(variables: Sequence[tuple[str, str]]) -> str:
     """Each variable is bound to a token of its type."""
     parts = [
-        f'<equality><subterm><partitionelementof refpartition="{TYPES}"><subterm><variable refvariable={quoteattr(name)}/>'
-        f"</subterm></partitionelementof></subterm><subterm><useroperator declaration={quoteattr('type ' + type_)}/>"
+        f'<equality><subterm><partitionelementof refpartition="{TYPES}"><subterm><variable '
+        f"refvariable={quoteattr(name)}/>"
+        "</subterm></partitionelementof></subterm><subterm><useroperator "
+        f"declaration={quoteattr('type ' + type_)}/>"
         "</subterm></equality>"
         for name, type_ in variables
     ]
@@ -112,7 +124,10 @@ def _guard_text(variables: Sequence[tuple[str, str]]) -> str:
 
 
 def _arc_lines(net: PetriNet, arc: PetriArc) -> Iterator[str]:
-    yield f"<arc id={quoteattr(arc.id)} source={quoteattr(arc.source)} target={quoteattr(arc.target)}>"
+    yield (
+        f"<arc id={quoteattr(arc.id)} source={quoteattr(arc.source)} "
+        f"target={quoteattr(arc.target)}>"
+    )
     if not net.coloured:
         yield f"<inscription><text>{arc.count}</text></inscription>"
     else:
@@ -137,7 +152,10 @@ def read_pnml(path: Path) -> PetriNet:
 
 
 def read_text(file: File) -> PetriNet:
-    """The first net of a text. Pages are joined. Raises `InvalidInput` for other documents and other types of nets."""
+    """The first net of a text.
+
+    Pages are joined. Raises `InvalidInput` for other documents and other types of nets.
+    """
     root = read_xml(file)
     net = root.first("net")
     if root.tag != "pnml" or net is None:
@@ -207,7 +225,11 @@ def _number_of(element: XmlElement, tag: str, otherwise: int) -> int:
 
 
 def _notes_of(element: XmlElement) -> tuple[str, ...]:
-    own = (tool_part for tool_part in element.all("toolspecific") if tool_part.get("tool") == "cellwright")
+    own = (
+        tool_part
+        for tool_part in element.all("toolspecific")
+        if tool_part.get("tool") == "cellwright"
+    )
     return tuple(note.text for tool_part in own for note in tool_part.all("note"))
 
 
@@ -217,7 +239,10 @@ def _token_types(net: XmlElement) -> Iterator[tuple[str, tuple[str, ...]]]:
             for partition_element in partition.all("partitionelement"):
                 yield (
                     partition_element.get("name"),
-                    tuple(operator.get("declaration") for operator in partition_element.all("useroperator")),
+                    tuple(
+                        operator.get("declaration")
+                        for operator in partition_element.all("useroperator")
+                    ),
                 )
 
 
@@ -227,7 +252,9 @@ def _read_place(element: XmlElement) -> PetriPlace:
         for operator in _elements_inside(element.first("hlinitialMarking"), "useroperator")
     )
     count = _number_of(element, "initialMarking", len(marking))
-    return PetriPlace(element.get("id"), _text_of(element, "name"), count, marking, _notes_of(element))
+    return PetriPlace(
+        element.get("id"), _text_of(element, "name"), count, marking, _notes_of(element)
+    )
 
 
 def _read_transition(element: XmlElement) -> PetriTransition:
@@ -251,17 +278,26 @@ def _read_arc(element: XmlElement) -> PetriArc:
         for variable in _elements_inside(element.first("hlinscription"), "variable")
     )
     count = _number_of(element, "inscription", max(1, len(variables)))
-    return PetriArc(element.get("id"), element.get("source"), element.get("target"), count, variables)
+    return PetriArc(
+        element.get("id"), element.get("source"), element.get("target"), count, variables
+    )
 
 
 def unfold_net(net: ContactNet) -> PetriNet:
-    """A place/transition net. A token is a whole cluster; the net by contact class gives the coarser net of its places."""
-    places = tuple(PetriPlace(p.name, p.say, p.initial, (), tuple(_place_notes(p))) for p in net.places)
+    """A place/transition net.
+
+    A token is a whole cluster; the net by contact class gives the coarser net of its places.
+    """
+    places = tuple(
+        PetriPlace(p.name, p.say, p.initial, (), tuple(_place_notes(p))) for p in net.places
+    )
     transitions: list[PetriTransition] = []
     arcs: list[PetriArc] = []
     for number, transition in enumerate(net.transitions, 1):
         name = f"T{number}"
-        transitions.append(PetriTransition(name, transition.name, (), _transition_conditions(transition)))
+        transitions.append(
+            PetriTransition(name, transition.name, (), _transition_conditions(transition))
+        )
         for place, count in sorted(Counter(transition.inputs).items()):
             arcs.append(PetriArc(f"{place}_{name}", place, name, count))
         for place, count in sorted(Counter(transition.outputs).items()):
@@ -291,7 +327,8 @@ def symmetric_net(net: ContactNet) -> PetriNet:
                 PetriTransition(name, transition.name, bound, _transition_conditions(transition))
             )
             arcs += _arcs_of(
-                name, [(source, target, _xml_id(variable)) for source, target, variable, _ in variables]
+                name,
+                [(source, target, _xml_id(variable)) for source, target, variable, _ in variables],
             )
     return PetriNet(_xml_id(net.name), places, tuple(transitions), tuple(arcs), dict(net.colours))
 
@@ -302,7 +339,9 @@ Rows = list[tuple[str, str]]
 def _transition_modes(
     net: ContactNet, transition: Transition
 ) -> Iterator[tuple[tuple[str, str, str, int], ...]]:
-    """What each step of a transition moves: (from place, to place, type, count). Each different one once."""
+    """What each step of a transition moves: (from place, to place, type, count). Each different
+    one once.
+    """
     at = {form: place.name for place in net.places for form in place.forms}
     names = list(net.colours)
     seen = dict.fromkeys(
@@ -358,13 +397,17 @@ def _transition_conditions(transition: Transition) -> tuple[str, ...]:
 
 def _xml_id(name: str) -> str:
     """A name as an XML identifier."""
-    return "".join(character if character.isalnum() or character in "_-." else "_" for character in name)
+    return "".join(
+        character if character.isalnum() or character in "_-." else "_" for character in name
+    )
 
 
 __all__ = ["read_pnml", "write_contact_net", "write_pnml"]
 
 
 def write_contact_net(net: ContactNet, coloured: bool) -> str:
-    """A net of contact states as PNML: as a symmetric net, or as a place/transition net with a place for each cluster."""
+    """A net of contact states as PNML: as a symmetric net, or as a place/transition net with a
+    place for each cluster.
+    """
 
     return write_pnml(symmetric_net(net) if coloured else unfold_net(net))

@@ -1,4 +1,6 @@
-"""Range images in files: our own `.npz` with ranges, strengths and the tool; depth images of others, read for a tool."""
+"""Range images in files: our own `.npz` with ranges, strengths and the tool; depth images of
+others, read for a tool.
+"""
 
 import io
 from dataclasses import asdict
@@ -32,7 +34,10 @@ COUNT_TOLERANCE = 1e-6  # of a count: what differs by less from a whole number i
 
 
 def write_ranges(path: Path, image: RangeImage) -> None:
-    """Write an image; the ending is `.npz`. Raises `InvalidInput` for a file that cannot be written."""
+    """Write an image; the ending is `.npz`.
+
+    Raises `InvalidInput` for a file that cannot be written.
+    """
     import json
 
     if path.suffix.lower() != OWN_SUFFIX:
@@ -59,14 +64,17 @@ def write_ranges(path: Path, image: RangeImage) -> None:
 
 
 def read_ranges(path: Path, tool: Ranging | None = None) -> RangeImage:
-    """The image in a file: `.npz` as written by `write_ranges`, or a depth image for a tool. Raises `InvalidInput`.
+    """The image in a file: `.npz` as written by `write_ranges`, or a depth image for a tool. Raises
+    `InvalidInput`.
 
     Depths that are all whole millimetres were rounded to these.
     """
     if path.suffix.lower() == OWN_SUFFIX:
         return _read_own_file(path)
     if tool is None:
-        hint = f"say it with --tool, or give a {OWN_SUFFIX} file that `measurement image` has written"
+        hint = (
+            f"say it with --tool, or give a {OWN_SUFFIX} file that `measurement image` has written"
+        )
         raise _bad_range_file(path, "a depth image does not tell which tool took it", hint)
     depth = read_depth(path, picture_of(tool))
     depth = np.where((depth > LEAST) & (depth < LARGEST), depth, 0.0)
@@ -80,7 +88,9 @@ def _read_own_file(path: Path) -> RangeImage:
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             tool = _read_tool(parse_json(str(arrays["tool"])))
-            ranges, strength = (_check_values(arrays[name], tool) for name in ("range_m", "strength"))
+            ranges, strength = (
+                _check_values(arrays[name], tool) for name in ("range_m", "strength")
+            )
             wrapped = bool(arrays["wrapped"])
             guessed = "guessed" in arrays and bool(arrays["guessed"])
             step_m = float(arrays["step_m"]) if "step_m" in arrays else 0.0
@@ -99,7 +109,9 @@ def _read_own_file(path: Path) -> RangeImage:
 def _read_tool(said: Any) -> Ranging:
     tool = Ranging(**said)
     whole = all(isinstance(size, int) and 4 <= size <= 2048 for size in (tool.width, tool.height))
-    if not whole or not all(low < getattr(tool, key) <= high for key, (low, high) in TOOL_BOUNDS.items()):
+    if not whole or not all(
+        low < getattr(tool, key) <= high for key, (low, high) in TOOL_BOUNDS.items()
+    ):
         raise ValueError("the tool makes no sense")
     return tool
 

@@ -1,8 +1,8 @@
 """Scheduling problems (shops) from job-shop instances and from S-LAB laboratory tables.
 
-Two notations are read. In JSON, each named object has a `duration_matrix` and a `machines_matrix`, with one row per job. In
-the plain text of the benchmark libraries, a line holds the numbers of jobs and machines; then each job has a line with pairs
-of machine and duration.
+Two notations are read. In JSON, each named object has a `duration_matrix` and a `machines_matrix`,
+with one row per job. In the plain text of the benchmark libraries, a line holds the numbers of jobs
+and machines; then each job has a line with pairs of machine and duration.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,11 @@ Rows = Sequence[Sequence[tuple[int, int]]]  # per job: machine and duration of e
 def read_jobshop(path: Path, instance: str = "") -> Shop:
     """The shop in a file; `instance` names one of several. Raises `InvalidInput`."""
     text = read_file(path).text
-    rows = _from_json(path, text, instance) if text.lstrip().startswith("{") else _from_text(path, text)
+    rows = (
+        _from_json(path, text, instance)
+        if text.lstrip().startswith("{")
+        else _from_text(path, text)
+    )
     return _shop_of_rows(rows)
 
 
@@ -42,7 +46,9 @@ def instance_names(path: Path) -> tuple[str, ...]:
     return tuple(_parse_instances(path, text)) if text.lstrip().startswith("{") else ()
 
 
-def _bad_instance(path: Path, code: str, message: str, hint: str = "", line: int = 0) -> InvalidInput:
+def _bad_instance(
+    path: Path, code: str, message: str, hint: str = "", line: int = 0
+) -> InvalidInput:
     return InvalidInput([Diagnostic(Source(str(path), line), code, message, hint)])
 
 
@@ -61,7 +67,11 @@ def _from_json(path: Path, text: str, instance: str) -> Rows:
     if not instance and len(shop_instances) == 1:
         instance = next(iter(shop_instances))
     if instance not in shop_instances:
-        message = f"no instance '{instance}'" if instance else "the file holds several instances; name one"
+        message = (
+            f"no instance '{instance}'"
+            if instance
+            else "the file holds several instances; name one"
+        )
         hint = nearest_hint(instance, list(shop_instances)) or f"one of {', '.join(shop_instances)}"
         raise _bad_instance(path, "K406" if instance else "K409", message, hint)
     entry = shop_instances[instance] if isinstance(shop_instances[instance], dict) else {}
@@ -77,14 +87,19 @@ def _from_json(path: Path, text: str, instance: str) -> Rows:
 
 def _is_matrix(value: object) -> TypeGuard[list[list[int]]]:
     return isinstance(value, list) and all(
-        isinstance(row, list) and all(type(cell) is int and 0 <= cell <= MAX_JOBSHOP_NUMBER for cell in row)
+        isinstance(row, list)
+        and all(type(cell) is int and 0 <= cell <= MAX_JOBSHOP_NUMBER for cell in row)
         for row in value
     )
 
 
 def _from_text(path: Path, text: str) -> Rows:
     lines = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1)]
-    kept = [(n, numbers) for n, cells in lines if cells and (numbers := _whole_numbers(cells)) is not None]
+    kept = [
+        (n, numbers)
+        for n, cells in lines
+        if cells and (numbers := _whole_numbers(cells)) is not None
+    ]
     if not kept or len(kept[0][1]) != 2:
         raise _bad_instance(path, "K806", "no line with the numbers of jobs and machines")
     jobs, machines = kept[0][1]
@@ -96,7 +111,10 @@ def _from_text(path: Path, text: str) -> Rows:
     for line, numbers in kept[1:]:
         if len(numbers) % 2 or any(machine >= machines for machine in numbers[::2]):
             raise _bad_instance(
-                path, "K806", f"expected pairs of a machine number below {machines} and a duration", line=line
+                path,
+                "K806",
+                f"expected pairs of a machine number below {machines} and a duration",
+                line=line,
             )
         rows.append(list(zip(numbers[::2], numbers[1::2], strict=True)))
     return rows
@@ -140,7 +158,8 @@ def read_slab(folder: Path) -> Shop:
     """The shop in a folder of S-LAB tables. Raises `InvalidInput` with all errors in all tables."""
     reader = _Reader([])
     rows = {
-        name: list(reader.rows(folder / f"{name}.tsv", columns)) for name, columns in TABLE_WIDTHS.items()
+        name: list(reader.rows(folder / f"{name}.tsv", columns))
+        for name, columns in TABLE_WIDTHS.items()
     }
     shop = reader.shop(rows)
     if reader.found:
@@ -174,7 +193,9 @@ class _Reader:
             where = Source(str(path), number, text=line)
             if len(cells) < columns or not all(cells[:columns]):
                 missing = f"{columns} columns are needed, but this line has {sum(map(bool, cells))}"
-                self.found.append(Diagnostic(where, "K806", missing, "separate the columns by tabs"))
+                self.found.append(
+                    Diagnostic(where, "K806", missing, "separate the columns by tabs")
+                )
                 continue
             yield TableRow(cells, where)
 
@@ -185,7 +206,9 @@ class _Reader:
         for row in rows["operations"]:
             stage = self._stage(row, machines)
             if stage.name in stages:
-                self._report(row, "K104", f"operation {row.cells[1]} of job {row.cells[0]} is listed twice")
+                self._report(
+                    row, "K104", f"operation {row.cells[1]} of job {row.cells[0]} is listed twice"
+                )
             stages[stage.name] = stage
             jobs.setdefault(row.cells[0], []).append(stage)
         windows = [w for row in rows["dependency"] for w in self._dependency(row, stages)]
@@ -200,7 +223,10 @@ class _Reader:
         job, operation, machine, duration = row.cells[:4]
         if machine not in machines:
             self._report(
-                row, "K101", f"there is no machine of type {machine}", nearest_hint(machine, list(machines))
+                row,
+                "K101",
+                f"there is no machine of type {machine}",
+                nearest_hint(machine, list(machines)),
             )
         return ShopStage(f"{job}.{operation}", self._number(row, duration), (f"type {machine}",))
 
@@ -213,9 +239,14 @@ class _Reader:
 
     def _dependency(self, row: TableRow, stages: dict[str, ShopStage]) -> Iterator[StageWindow]:
         job, earlier, later = row.cells[:3]
-        pair = self._known(row, f"{job}.{earlier}", stages), self._known(row, f"{job}.{later}", stages)
+        pair = (
+            self._known(row, f"{job}.{earlier}", stages),
+            self._known(row, f"{job}.{later}", stages),
+        )
         if pair[0] and pair[1]:
-            yield StageWindow(StageMoment(pair[0].name, pair[0].duration), StageMoment(pair[1].name))
+            yield StageWindow(
+                StageMoment(pair[0].name, pair[0].duration), StageMoment(pair[1].name)
+            )
 
     def _boundary(self, row: TableRow, stages: dict[str, ShopStage]) -> Iterator[StageWindow]:
         """The window between two points: the longest time from the first to the second."""
@@ -231,14 +262,19 @@ class _Reader:
     ) -> StageMoment | None:
         if point not in STEP_POINTS:
             self._report(
-                row, "K806", f"'{point}' is not a point of an operation", nearest_hint(point, STEP_POINTS)
+                row,
+                "K806",
+                f"'{point}' is not a point of an operation",
+                nearest_hint(point, STEP_POINTS),
             )
         stage = self._known(row, name, stages)
         return StageMoment(name, stage.duration if point == "end" else 0) if stage else None
 
     def _known(self, row: TableRow, name: str, stages: dict[str, ShopStage]) -> ShopStage | None:
         if name not in stages:
-            self._report(row, "K101", f"there is no operation {name}", nearest_hint(name, list(stages)))
+            self._report(
+                row, "K101", f"there is no operation {name}", nearest_hint(name, list(stages))
+            )
         return stages.get(name)
 
 
@@ -247,14 +283,19 @@ def _machine_resources(rows: list[TableRow]) -> dict[str, Resource]:
     types: dict[str, list[str]] = {}
     for row in rows:
         types.setdefault(row.cells[1], []).append(row.cells[2])
-    return {kind: Resource(f"type {kind}", len(names), units=tuple(names)) for kind, names in types.items()}
+    return {
+        kind: Resource(f"type {kind}", len(names), units=tuple(names))
+        for kind, names in types.items()
+    }
 
 
 JOB_SHOPS = (".json", ".txt", ".jss", ".jsp")
 
 
 def shop_of(path: Path, instance: str = "") -> Shop | None:
-    """The shop in a folder of S-LAB tables or a job-shop file; None if it is neither. Raises `InvalidInput`."""
+    """The shop in a folder of S-LAB tables or a job-shop file; None if it is neither. Raises
+    `InvalidInput`.
+    """
     if is_slab(path):
         return read_slab(path)
     if path.is_file() and path.suffix in JOB_SHOPS and not is_plan(path):

@@ -14,8 +14,16 @@ from cellwright.engine.kernels.arrays import Longs
 from cellwright.engine.model.part_measurements import is_shared
 from cellwright.engine.model.tour_problem import Metric, TourProblem, Visit
 from cellwright.engine.pipelines.inspection.measurement_points import with_places
-from cellwright.engine.pipelines.inspection.tool_tours import TourVisits, partition_by_tool, tour_problem
-from cellwright.engine.pipelines.inspection.tour_demands import of_options, require_known_visits, with_demands
+from cellwright.engine.pipelines.inspection.tool_tours import (
+    TourVisits,
+    partition_by_tool,
+    tour_problem,
+)
+from cellwright.engine.pipelines.inspection.tour_demands import (
+    of_options,
+    require_known_visits,
+    with_demands,
+)
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import File, is_file, read_file
@@ -41,9 +49,14 @@ def read_tsplib(path: Path) -> TourProblem:
         else _section_numbers(file, sections, "DISPLAY_DATA_SECTION", 3 * n)
     )
     where = None if places is None else places.reshape(n, 3)
-    names = [str(i + 1) for i in range(n)] if where is None else _city_names(file, sections, where[:, 0])
+    names = (
+        [str(i + 1) for i in range(n)]
+        if where is None
+        else _city_names(file, sections, where[:, 0])
+    )
     visits = tuple(
-        Visit(names[i], None if where is None else (float(where[i, 1]), float(where[i, 2]))) for i in range(n)
+        Visit(names[i], None if where is None else (float(where[i, 1]), float(where[i, 2])))
+        for i in range(n)
     )
     return TourProblem(head.get("NAME", path.stem), visits, travel)
 
@@ -58,7 +71,9 @@ def _city_names(file: File, sections: dict[str, tuple[int, str]], numbers: Float
         if number in seen or not number.is_integer():
             why = "is used twice" if number in seen else "is not whole"
             raise _bad_tsplib(
-                file.at(start + place), f"the number {number:g} of a city {why}", "number them 1, 2, 3"
+                file.at(start + place),
+                f"the number {number:g} of a city {why}",
+                "number them 1, 2, 3",
             )
         seen.add(number)
     return [str(int(city)) for city in numbers]
@@ -79,18 +94,24 @@ def _split_file(file: File) -> tuple[dict[str, str], dict[str, tuple[int, str]]]
         if colon:
             head[key.strip()] = value.strip()
     ends = [*(mark.start() for mark in marks), len(text)][1:]
-    sections = {mark[1]: (mark.end(), text[mark.end() : end]) for mark, end in zip(marks, ends, strict=True)}
+    sections = {
+        mark[1]: (mark.end(), text[mark.end() : end]) for mark, end in zip(marks, ends, strict=True)
+    }
     return head, sections
 
 
 def _city_count(file: File, head: dict[str, str]) -> int:
     kind, size = head.get("TYPE", "").split()[:1], head.get("DIMENSION", "")
     if kind not in (["TSP"], ["ATSP"]):
-        raise _bad_tsplib(Source(file.path), "TYPE is neither TSP nor ATSP", "name a TSPLIB instance")
+        raise _bad_tsplib(
+            Source(file.path), "TYPE is neither TSP nor ATSP", "name a TSPLIB instance"
+        )
     try:
         return read_whole(size, 1, MAX_CITIES)
     except NumberError:
-        raise _bad_tsplib(Source(file.path), f"DIMENSION is not a number from 1 to {MAX_CITIES}") from None
+        raise _bad_tsplib(
+            Source(file.path), f"DIMENSION is not a number from 1 to {MAX_CITIES}"
+        ) from None
 
 
 def _section_numbers(
@@ -107,7 +128,9 @@ def _section_numbers(
     if not (np.abs(values) <= MAX_COST).all():
         raise _bad_number(file, start, text)
     if len(values) != count:
-        raise _bad_tsplib(file.at(start), f"{name} has {len(values)} numbers, but {count} are needed")
+        raise _bad_tsplib(
+            file.at(start), f"{name} has {len(values)} numbers, but {count} are needed"
+        )
     return values
 
 
@@ -132,7 +155,9 @@ def _costs_of_file(
         return _explicit_matrix(file, head, sections, n), None
     if kind not in METRIC_FUNCTIONS:
         known = ", ".join(("EXPLICIT", *METRIC_FUNCTIONS))
-        raise _bad_tsplib(Source(file.path), f"EDGE_WEIGHT_TYPE '{kind}' is not supported", f"one of {known}")
+        raise _bad_tsplib(
+            Source(file.path), f"EDGE_WEIGHT_TYPE '{kind}' is not supported", f"one of {known}"
+        )
     rows = _section_numbers(file, sections, "NODE_COORD_SECTION", 3 * n)
     if rows is None:
         raise _bad_tsplib(Source(file.path), "there is no NODE_COORD_SECTION")
@@ -146,7 +171,9 @@ def _not_too_many(file: File, n: int, what: str) -> None:
     """Raises `InvalidInput` if a matrix of costs would be too large."""
     if n > MAX_MATRIX_CITIES:
         hint = "coordinates with EUC_2D, CEIL_2D, MAN_2D, MAX_2D or ATT may have more"
-        raise _bad_tsplib(Source(file.path), f"{what} allows at most {MAX_MATRIX_CITIES} cities", hint)
+        raise _bad_tsplib(
+            Source(file.path), f"{what} allows at most {MAX_MATRIX_CITIES} cities", hint
+        )
 
 
 METRIC_FUNCTIONS = {
@@ -159,7 +186,9 @@ METRIC_FUNCTIONS = {
 }
 
 
-def _explicit_matrix(file: File, head: dict[str, str], sections: dict[str, tuple[int, str]], n: int) -> Longs:
+def _explicit_matrix(
+    file: File, head: dict[str, str], sections: dict[str, tuple[int, str]], n: int
+) -> Longs:
     """The matrix of costs that the file gives explicitly."""
     shape = head.get("EDGE_WEIGHT_FORMAT", "FULL_MATRIX")
     if shape not in MATRIX_SHAPES:
@@ -204,7 +233,8 @@ def is_tsplib(target: str) -> bool:
 def visits_of_target(
     target: str, windows: Sequence[str] = (), lasts: Sequence[str] = (), before: Sequence[str] = ()
 ) -> TourVisits:
-    """The visits that a target names, with windows ("m3=10..90"), durations ("m3=4") and orders ("m1, m2") beside.
+    """The visits that a target names, with windows ("m3=10..90"), durations ("m3=4") and orders
+    ("m1, m2") beside.
 
     Raises `InvalidInput`.
     """
@@ -214,7 +244,10 @@ def visits_of_target(
     else:
         problem = with_places(problem_of(target))
         if is_shared(problem):
-            said, hint = "several arms share the measurements", "ask for a plan: it says which arm makes what"
+            said, hint = (
+                "several arms share the measurements",
+                "ask for a plan: it says which arm makes what",
+            )
             raise InvalidInput([Diagnostic(Source(target), "K404", said, hint)])
         parts = partition_by_tool(problem)
         visits = TourVisits(tour_problem(problem, parts, demands), parts, problem)

@@ -1,6 +1,7 @@
 """JSON answers: one envelope `{version, status, data, diagnostics}` for every command.
 
-That function writes indented text piece by piece in Python, and a plan of thousands of steps has hundreds of thousands of pieces.
+That function writes indented text piece by piece in Python, and a plan of thousands of steps has
+hundreds of thousands of pieces.
 """
 
 import json
@@ -24,7 +25,9 @@ def json_text(value: Any, blank: str = "\n") -> str:
         return str(value)
     inner = blank + " "
     if isinstance(value, dict) and value and all(type(key) is str for key in value):
-        pairs = [f"{encode_basestring(key)}: {json_text(member, inner)}" for key, member in value.items()]
+        pairs = [
+            f"{encode_basestring(key)}: {json_text(member, inner)}" for key, member in value.items()
+        ]
         return f"{{{inner}{f',{inner}'.join(pairs)}{blank}}}"
     if isinstance(value, list | tuple) and value:
         return f"[{inner}{f',{inner}'.join([json_text(member, inner) for member in value])}{blank}]"
@@ -35,7 +38,9 @@ ENVELOPE_VERSION = 1
 Starts = Mapping[StepId, int] | None
 
 
-def json_envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diagnostic] = ()) -> str:
+def json_envelope(
+    status: str, content: Mapping[str, Any], diagnostics: Iterable[Diagnostic] = ()
+) -> str:
     """The answer of a command as JSON text. The same answer gives the same bytes."""
 
     whole = {
@@ -48,7 +53,9 @@ def json_envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable
 
 
 def diagnostic_entry(diagnostic: Diagnostic) -> dict[str, Any]:
-    """One diagnostic. Line and column count from 1; 0 means that there is none. `used` is where a device is used."""
+    """One diagnostic. Line and column count from 1; 0 means that there is none. `used` is where
+    a device is used.
+    """
     where = diagnostic.where
     used = {} if where.used is None else {"used": str(where.used)}
     return {
@@ -79,7 +86,8 @@ def outcome_status(outcome: Outcome) -> str:
 def outcome_entry(
     result: Outcome, problem: Problem, domain: str = "", starts: Starts = None
 ) -> dict[str, Any]:
-    """The data of an outcome: the plan, or why there is none. `domain` is the name of the domain in the file.
+    """The data of an outcome: the plan, or why there is none. `domain` is the name of the domain in
+    the file.
 
     `starts` says when each step starts; None: as early as it can.
     """
@@ -89,7 +97,11 @@ def outcome_entry(
     match result:
         case Found(plan):
             return {
-                "plan": {"problem": entry, **plan_data(plan, starts), **history_entry(plan, problem, starts)}
+                "plan": {
+                    "problem": entry,
+                    **plan_data(plan, starts),
+                    **history_entry(plan, problem, starts),
+                }
             }
         case Infeasible(reason):
             return {"problem": entry, "reason": reason}
@@ -165,7 +177,9 @@ def problem_entry(problem: Problem, domain: str) -> dict[str, Any]:
         "durations": {str(step): lasts for step, lasts in problem.durations.items()},
         "initial": list(map(str, problem.initial)),
         "complete": problem.complete,
-        "goals": list(map(str, problem.goal.parts if isinstance(problem.goal, And) else (problem.goal,))),
+        "goals": list(
+            map(str, problem.goal.parts if isinstance(problem.goal, And) else (problem.goal,))
+        ),
         "workflow": [chain_entry(chain) for chain in problem.chains],
     }
     return {key: value for key, value in entry.items() if value}

@@ -16,7 +16,8 @@ TERM_PIECE = re.compile(r"[^ (]*[ (]?")
 
 
 def wrap_text(text: str, width: int, indent: int = 2) -> str:
-    """The text in lines of at most `width` characters (at least 4); all lines except the first are indented.
+    """The text in lines of at most `width` characters (at least 4); all lines except the first are
+    indented.
 
     Only line breaks and spaces change.
     """
@@ -37,7 +38,9 @@ def _wrapped_lines(text: str, width: int, indent: str) -> Iterator[str]:
 
 
 def _text_pieces(text: str, width: int) -> Iterator[str]:
-    """Terms and words; a term longer than a line is broken after its commas, what is still longer at its brackets."""
+    """Terms and words; a term longer than a line is broken after its commas, what is still
+    longer at its brackets.
+    """
     for term in split_terms(text):
         for word in [term] if len(term.rstrip()) <= width else WORD_PATTERN.findall(term):
             yield from TERM_PIECE.findall(word) if len(word.rstrip()) > width else [word]
@@ -69,7 +72,10 @@ def indented_text(head: str, below: Iterable[str], width: int) -> Text:
 
 @dataclass(frozen=True, slots=True)
 class TextTable:
-    """Cells under headings. If all headings are empty, there is no head. `right` names columns of numbers."""
+    """Cells under headings.
+
+    If all headings are empty, there is no head. `right` names columns of numbers.
+    """
 
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -91,15 +97,21 @@ class TextTable:
             yield indented_text(row[0], below, options.max_width)
 
     def _lines(self, console: Console, widths: Sequence[int]) -> Iterator[Segment]:
-        """The lines of the table. Schedules have thousands, so they are written directly: `rich.table` takes most of a second
-        for a thousand rows.
+        """The lines of the table. Schedules have thousands, so they are written directly:
+        `rich.table` takes most of a second for a thousand rows.
         """
-        bold, lead, new = console.get_style("bold"), console.get_style(self.lead or "none"), Segment.line()
+        bold, lead, new = (
+            console.get_style("bold"),
+            console.get_style(self.lead or "none"),
+            Segment.line(),
+        )
         if any(self.headings):
             pairs = zip(self.headings, widths, strict=True)
             heads = [Text(name).wrap(console, width, overflow="fold") for name, width in pairs]
             tall = max(map(len, heads))
-            parts = [[""] * (tall - len(head)) + [line.plain.rstrip() for line in head] for head in heads]
+            parts = [
+                [""] * (tall - len(head)) + [line.plain.rstrip() for line in head] for head in heads
+            ]
             for line in zip(*parts, strict=True):
                 yield from self._written(line, widths, bold, bold)
                 yield new
@@ -125,7 +137,9 @@ class TextTable:
         return zip(self.headings, *self.rows, strict=True)
 
     def _least(self, cut: Cut) -> list[int]:
-        """The longest piece of each column, when its cells are cut; headings are cut between words, those of numbers not."""
+        """The longest piece of each column, when its cells are cut; headings are cut between
+        words, those of numbers not.
+        """
         return [
             max(
                 [_longest_piece(cut(cell)) for cell in cells]
@@ -135,7 +149,9 @@ class TextTable:
         ]
 
     def _widths(self, least: Sequence[int], spare: int) -> list[int]:
-        """The width of each column: as wide as its text, or a fair share of the space beside its longest pieces."""
+        """The width of each column: as wide as its text, or a fair share of the space beside
+        its longest pieces.
+        """
         widths = list(least)
         lacks = [
             max((len(line) for cell in column for line in cell.splitlines()), default=0) - least

@@ -1,9 +1,11 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Sines, cosines and angles with the same bits on every processor, which those of libraries need not have.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Sines, cosines and angles with the same bits on every processor, which those of libraries need
+not have.
 
-An angle is reduced to an eighth of a turn around 0 (Cody & Waite 1980); the polynomials are those of FDLIBM (Sun 1993). The
-error is below 1e-15 for angles of up to a million turns; with larger ones, the C library's sine and cosine are taken.
+An angle is reduced to an eighth of a turn around 0 (Cody & Waite 1980); the polynomials are those
+of FDLIBM (Sun 1993). The error is below 1e-15 for angles of up to a million turns; with larger
+ones, the C library's sine and cosine are taken.
 """
 
 import math
@@ -15,7 +17,11 @@ from cellwright.engine.kernels.arrays import Floats
 LARGE = 6e6  # rad
 SHIFT = 6755399441055744.0  # 1.5 * 2^52: adding it rounds
 HALF_TURN, HALF_TURN_REST = 3.14159265358979311600e00, 1.22464679914735317720e-16
-FIRST, SECOND, THIRD = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21
+FIRST, SECOND, THIRD = (
+    1.57079632673412561417e00,
+    6.07710050630396597660e-11,
+    2.02226624879595063154e-21,
+)
 
 
 def sine_cosine(x: float) -> tuple[float, float]:
@@ -30,7 +36,9 @@ def sine_cosine(x: float) -> tuple[float, float]:
     s = r + r * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * s))
     c = 2.08757232129817482790e-09 - z * 1.13596475577881948265e-11
     c = 2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * c)
-    c = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * c)))
+    c = 1.0 - (
+        0.5 * z - z * z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * c))
+    )
     half = n * 0.5
     whole = (half + SHIFT) - SHIFT  # n is even if this is its half
     odd = whole != half
@@ -41,7 +49,9 @@ def sine_cosine(x: float) -> tuple[float, float]:
 
 
 def angle_of(y: float, x: float) -> float:
-    """The angle from the x axis to the point (x, y), in rad, from -pi to pi; 0 for the origin, NaN if that is no point."""
+    """The angle from the x axis to the point (x, y), in rad, from -pi to pi; 0 for the origin,
+    NaN if that is no point.
+    """
     wide, high = abs(x), abs(y)
     endless = (wide - wide) + (high - high)
     if endless != 0.0:
@@ -51,7 +61,11 @@ def angle_of(y: float, x: float) -> float:
     t = min(wide, high) / max(wide, high)
     angle, rest = 0.0, 0.0
     if t > 0.6875:
-        t, angle, rest = (t - 1.0) / (t + 1.0), 7.85398163397448278999e-01, 3.06161699786838301793e-17
+        t, angle, rest = (
+            (t - 1.0) / (t + 1.0),
+            7.85398163397448278999e-01,
+            3.06161699786838301793e-17,
+        )
     elif t > 0.4375:
         t, angle, rest = (
             (2.0 * t - 1.0) / (2.0 + t),
@@ -98,7 +112,9 @@ def angles_of(y: Floats, x: Floats) -> Floats:
     ys, xs = np.broadcast_arrays(np.asarray(y, dtype=float), np.asarray(x, dtype=float))
     found = np.empty(ys.shape)
     _fill_angles(
-        np.ascontiguousarray(ys).reshape(-1), np.ascontiguousarray(xs).reshape(-1), found.reshape(-1)
+        np.ascontiguousarray(ys).reshape(-1),
+        np.ascontiguousarray(xs).reshape(-1),
+        found.reshape(-1),
     )
     return found
 

@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Collision of whole scenes, configuration after configuration. A pair is looked at closely only when its bounding
-volumes meet.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Collision of whole scenes, configuration after configuration. A pair is looked at closely only
+when its bounding volumes meet.
 """
 
 import math
@@ -60,7 +60,9 @@ def _room(poses: Floats, p: Pieces, q: Pairs) -> Room:
 
 
 def first_contact(here: Room, q: Pairs, n: int, by: float) -> int:
-    """The first pair that is within `by` (at least 0) of each other in pose `n` of the batch, or -1."""
+    """The first pair that is within `by` (at least 0) of each other in pose `n` of the batch,
+    or -1.
+    """
     for g in range(q._groups.shape[0]):
         first = first_of_group(here, q, g, n, by)
         if first >= 0:
@@ -71,7 +73,8 @@ def first_contact(here: Room, q: Pairs, n: int, by: float) -> int:
 def first_of_group(here: Room, q: Pairs, g: int, n: int, by: float) -> int:
     """The same for one group. A first piece that is off the other bounds spares its pairs.
 
-    Bounds are put in place when they are first looked at: most groups are apart, and their pieces need not be moved.
+    Bounds are put in place when they are first looked at: most groups are apart, and their pieces
+    need not be moved.
     """
     room.bounds_once(here, q._groups[g, 0], n)
     room.bounds_once(here, q._groups[g, 1], n)
@@ -113,11 +116,22 @@ def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Longs) -> None:
 
 
 def nearest_pairs(
-    poses: Floats, p: Pieces, q: Pairs, beyond: float, distance: Floats, pair: Longs, witness: Floats
+    poses: Floats,
+    p: Pieces,
+    q: Pairs,
+    beyond: float,
+    distance: Floats,
+    pair: Longs,
+    witness: Floats,
 ) -> None:
-    """The least signed distance (n,) below `beyond`, its pair (n,) or -1, and its points and normal (n, 9)."""
+    """The least signed distance (n,) below `beyond`, its pair (n,) or -1, and its points and
+    normal (n, 9).
+    """
     here, least, number, points = _room(poses, p, q), distance, pair, witness
-    if not here.batch == least.shape[0] == number.shape[0] == points.shape[0] or points.shape[1] != 9:
+    if (
+        not here.batch == least.shape[0] == number.shape[0] == points.shape[0]
+        or points.shape[1] != 9
+    ):
         raise ValueError(f"{here.batch} carrier poses have as many results, points with 9 entries")
     s = Separations(np.asarray(here.world), here.most)
     with cython.nogil:
@@ -135,7 +149,10 @@ def _nearest_pair(
     for x in range(9):
         points[n, x] = 0.0
     for g in range(q._groups.shape[0]):
-        if volumes.verdict(here, q._groups[g, 0], q._groups[g, 1], max(least[n], 0.0)) == volumes.APART:
+        if (
+            volumes.verdict(here, q._groups[g, 0], q._groups[g, 1], max(least[n], 0.0))
+            == volumes.APART
+        ):
             continue
         for m in range(q._groups[g, 2], q._groups[g, 3]):
             i, j = q._pairs[m, 0], q._pairs[m, 1]
@@ -162,11 +179,13 @@ def fit(here: Room, pairs: Longs) -> bool:
 def near_pairs(
     poses: Floats, p: Pieces, pairs: Longs, within: float, distance: Floats, witness: Floats
 ) -> None:
-    """For one set of carrier poses (1, k + 1, 3, 4), the signed distance of every pair (m,) nearer than `within`, else
-    infinity, and its points and normal (m, 9)."""
+    """For one set of carrier poses (1, k + 1, 3, 4), the signed distance of every pair (m,) nearer
+    than `within`, else infinity, and its points and normal (m, 9)."""
     here, asked, each, points = Room(p, poses), pairs, distance, witness
     if here.batch != 1 or not fit(here, asked):
-        raise ValueError(f"pairs (m, 2) of {here.count} pieces at one set of carrier poses, not {here.batch}")
+        raise ValueError(
+            f"pairs (m, 2) of {here.count} pieces at one set of carrier poses, not {here.batch}"
+        )
     if not asked.shape[0] == each.shape[0] == points.shape[0] or points.shape[1] != 9:
         raise ValueError(f"{asked.shape[0]} pairs have as many results, points with 9 entries")
     s = Separations(np.asarray(here.world), here.most)

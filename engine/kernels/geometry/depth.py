@@ -1,10 +1,12 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""How deep two convex hulls overlap: the distance from the origin to the surface of their difference.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""How deep two convex hulls overlap: the distance from the origin to the surface of their
+difference.
 
-A polytope inside the difference is grown until its nearest face is one of the difference's own (the expanding polytope
-of van den Bergen 2001). As signed distances are compared, it may begin with a tetrahedron that does not hold the
-origin: a face that separates it from the origin is the nearest one and grows first.
+A polytope inside the difference is grown until its nearest face is one of the difference's own (the
+expanding polytope of van den Bergen 2001). As signed distances are compared, it may begin with a
+tetrahedron that does not hold the origin: a face that separates it from the origin is the nearest
+one and grows first.
 """
 
 import math
@@ -22,19 +24,26 @@ INFINITE = math.inf
 
 
 class Polytope:
-    """Room for the polytope that grows, and for two hulls of at most `most` vertices each, drawn apart.
+    """Room for the polytope that grows, and for two hulls of at most `most` vertices each, drawn
+    apart.
 
-    Growing may add up to two faces for each that is replaced, when rounding has made the polytope less than convex.
+    Growing may add up to two faces for each that is replaced, when rounding has made the polytope
+    less than convex.
     """
 
     def __init__(self, most: int) -> None:
-        self.faces, self.planes = np.empty((3 * MAX_FACES, 3), np.int64), np.empty((3 * MAX_FACES, 4))
+        self.faces, self.planes = (
+            np.empty((3 * MAX_FACES, 3), np.int64),
+            np.empty((3 * MAX_FACES, 4)),
+        )
         self.edges = np.empty((3 * MAX_FACES, 2), np.int64)
         self.apart = Cores(np.empty((2 * most, 3)))
 
 
 def core_depth(c: Cores, p: Polytope, a: int, na: int, b: int, nb: int, out: Floats) -> float:
-    """How deep two hulls that meet overlap, with the points and the normal in `out` (9,); of flat differences the normal alone."""
+    """How deep two hulls that meet overlap, with the points and the normal in `out` (9,); of
+    flat differences the normal alone.
+    """
     if not _first_tetrahedron(c, a, na, b, nb, out):
         return 0.0
     _first_faces(c, p)
@@ -52,11 +61,15 @@ def core_depth(c: Cores, p: Polytope, a: int, na: int, b: int, nb: int, out: Flo
 
 
 def _first_tetrahedron(c: Cores, a: int, na: int, b: int, nb: int, out: Floats) -> bool:
-    """Four corners of the difference that span a volume; if it has none, a normal of it in `out` and False."""
+    """Four corners of the difference that span a volume; if it has none, a normal of it in
+    `out` and False.
+    """
     size = 0.0
     line = vectors.vector(0.0, 0.0, 0.0)
     for axis in range(3):
-        d = vectors.vector(1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+        d = vectors.vector(
+            1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0
+        )
         low = gjk.support(c, a, na, b, nb, vectors.times(-1.0, d), 4)
         high = gjk.support(c, a, na, b, nb, d, 5)
         step = vectors.minus(high, low)
@@ -142,7 +155,9 @@ def _set_face(c: Cores, p: Polytope, f: int, i: int, j: int, k: int) -> None:
     """A face and its plane; one without area is never the nearest."""
     p.faces[f, 0], p.faces[f, 1], p.faces[f, 2] = i, j, k
     start = gjk.corner(c, i)
-    normal = vectors.cross(vectors.minus(gjk.corner(c, j), start), vectors.minus(gjk.corner(c, k), start))
+    normal = vectors.cross(
+        vectors.minus(gjk.corner(c, j), start), vectors.minus(gjk.corner(c, k), start)
+    )
     length = math.sqrt(vectors.dot(normal, normal))
     if length < 1e-18:
         p.planes[f, 0], p.planes[f, 1], p.planes[f, 2], p.planes[f, 3] = 0.0, 0.0, 0.0, INFINITE
@@ -161,7 +176,9 @@ def _nearest_face(p: Polytope, count: int) -> int:
 
 
 def _grow(c: Cores, p: Polytope, new: int, count: int) -> int:
-    """Replace the faces that see the new point by a cone over their rim; returns how many faces there are then."""
+    """Replace the faces that see the new point by a cone over their rim; returns how many faces
+    there are then.
+    """
     w = gjk.corner(c, new)
     rim, kept, f = 0, count, 0
     while f < kept:
@@ -198,7 +215,9 @@ def _toggle(p: Polytope, count: int, start: int, end: int) -> int:
 def _deepest_points(
     c: Cores, p: Polytope, a: int, na: int, b: int, nb: int, normal: V, depth: float, out: Floats
 ) -> None:
-    """The points on both hulls where they are deepest: where they are nearest once the second is drawn off along `normal`."""
+    """The points on both hulls where they are deepest: where they are nearest once the second
+    is drawn off along `normal`.
+    """
     away = vectors.times(depth + 1.0, normal)
     for i in range(na):
         for x in range(3):

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """Signed distance of two pieces with the points where they are nearest or deepest."""
 
 import math
@@ -15,10 +15,12 @@ INFINITE = math.inf
 
 
 class Separations:
-    """Signed distances between pieces that are stretches of rows of `vertices` (v, 3), of at most `most` rows each.
+    """Signed distances between pieces that are stretches of rows of `vertices` (v, 3), of at most
+    `most` rows each.
 
-    `found` (9,) has the point on the first, the point on the second, and the unit normal from the first to the second,
-    as they were found last. Rows may be written to between two questions. Raises `ValueError` for another array.
+    `found` (9,) has the point on the first, the point on the second, and the unit normal from the
+    first to the second, as they were found last. Rows may be written to between two questions.
+    Raises `ValueError` for another array.
     """
 
     def __init__(self, vertices: Floats, most: int) -> None:
@@ -27,13 +29,16 @@ class Separations:
         self.found = self._found = np.empty(9)
 
     def separation(self, a: int, na: int, ra: float, b: int, nb: int, rb: float) -> float:
-        """Signed distance of two pieces, each its first row, number of rows and radius; negative when they overlap.
+        """Signed distance of two pieces, each its first row, number of rows and radius; negative
+        when they overlap.
 
         Raises `ValueError` for rows that are not there.
         """
         rows, most = self.cores.rows.shape[0], self.polytope.apart.rows.shape[0] // 2
         if min(a, b) < 0 or min(na, nb) < 1 or max(a + na, b + nb) > rows or max(na, nb) > most:
-            raise ValueError(f"there are {rows} rows, and pieces of 1 to {most}: not {a}, {na} and {b}, {nb}")
+            raise ValueError(
+                f"there are {rows} rows, and pieces of 1 to {most}: not {a}, {na} and {b}, {nb}"
+            )
         return self.between(a, na, ra, b, nb, rb)
 
     def between(self, a: int, na: int, ra: float, b: int, nb: int, rb: float) -> float:

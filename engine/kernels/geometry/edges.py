@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Straight lines between configurations, each checked whole: from coarse to fine, until a configuration touches.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Straight lines between configurations, each checked whole: from coarse to fine, until a
+configuration touches.
 
-Sixteen configurations, spread over the whole line, are looked at side by side. What touched last is looked at first, because
-the next line is near the last one.
+Sixteen configurations, spread over the whole line, are looked at side by side. What touched last is
+looked at first, because the next line is near the last one.
 """
 
 import math
@@ -24,14 +25,19 @@ Ask = Callable[[Floats, Floats], bool]
 class Edges:
     """The straight lines between the configurations of one scene.
 
-    A line is looked at every `step`, measured in the space of the joints (rad, m). What comes within `margin` (m) of another
-    thing touches it. `looked` counts the configurations looked at. With `ask`, that function says whether a line is free, in
-    place of the scene: so any checker can take part. Raises `ValueError` for a step or margin that cannot be.
+    A line is looked at every `step`, measured in the space of the joints (rad, m). What comes
+    within `margin` (m) of another thing touches it. `looked` counts the configurations looked at.
+    With `ask`, that function says whether a line is free, in place of the scene: so any checker can
+    take part. Raises `ValueError` for a step or margin that cannot be.
     """
 
-    def __init__(self, scene: Narrow, step: float, margin: float = 0.0, ask: Ask | None = None) -> None:
+    def __init__(
+        self, scene: Narrow, step: float, margin: float = 0.0, ask: Ask | None = None
+    ) -> None:
         if not (step > 0.0 and margin >= 0.0 and math.isfinite(step) and math.isfinite(margin)):
-            raise ValueError(f"the step must be above 0, the margin 0 or more, not {step} and {margin}")
+            raise ValueError(
+                f"the step must be above 0, the margin 0 or more, not {step} and {margin}"
+            )
         self.mechanism, self.pairs, self.count = scene.mechanism, scene.pairs, scene.mechanism.count
         self.step, self.margin, self.ask, self.foreign = step, margin, ask, ask is not None
         self.poses = np.empty((1, self.count + 1, 3, 4))
@@ -40,7 +46,9 @@ class Edges:
         self.looked, self.latest = 0, 0
 
     def free(self, first: Floats, i: int, second: Floats, j: int) -> int:
-        """Whether nothing touches on the way from row `i` to row `j` of configurations (n, k), its start left out."""
+        """Whether nothing touches on the way from row `i` to row `j` of configurations (n, k),
+        its start left out.
+        """
         if self.foreign:
             return _asked(self, first, i, second, j)
         return 0 if _swept(self, first, i, second, j) else 1
@@ -63,7 +71,10 @@ def _asked(e: Edges, first: Floats, i: int, second: Floats, j: int) -> int:
 
 
 def _swept(e: Edges, first: Floats, i: int, second: Floats, j: int) -> bool:
-    """Whether something touches on the way. Each block of sixteen places is spread over the whole line."""
+    """Whether something touches on the way.
+
+    Each block of sixteen places is spread over the whole line.
+    """
     away = length(first, i, second, j, e.count)
     steps = max(1, cython.cast(cython.longlong, math.ceil(away / e.step)))
     blocks, stride = (steps + LANES - 1) // LANES, 1
@@ -83,7 +94,9 @@ def _swept(e: Edges, first: Floats, i: int, second: Floats, j: int) -> bool:
 
 
 def _block_touches(e: Edges, steps: int, blocks: int, b: int) -> bool:
-    """Whether something touches at the places b + 1, b + 1 + blocks, and so on, of those after each step."""
+    """Whether something touches at the places b + 1, b + 1 + blocks, and so on, of those after
+    each step.
+    """
     lanes, share = 0, 1.0
     share /= steps
     for n in range(LANES):
@@ -109,14 +122,19 @@ def _touches_in(e: Edges, n: int) -> bool:
     mechanism.place_carriers(e.mechanism, e.at, 0, e.poses)
     room.forget(e.room)
     for g in range(e.lanes.groups):
-        if e.lanes.doubt[g] & (1 << n) and checks.first_of_group(e.room, e.pairs, g, 0, e.margin) >= 0:
+        if (
+            e.lanes.doubt[g] & (1 << n)
+            and checks.first_of_group(e.room, e.pairs, g, 0, e.margin) >= 0
+        ):
             e.latest = g
             return True
     return False
 
 
 def free_edges(e: Edges, first: Floats, second: Floats, out: Bytes) -> None:
-    """Whether nothing touches on the way from each configuration (n, k) to its second (n, k), both ends included (n,)."""
+    """Whether nothing touches on the way from each configuration (n, k) to its second (n, k),
+    both ends included (n,).
+    """
     refuse_unless("first configurations", first, np.float64, (len(out), e.count))
     refuse_unless("second configurations", second, np.float64, (len(out), e.count))
     a, b, found = first, second, out

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """Where the carrier of a joint is, from its parent's."""
 
 from cellwright.engine.kernels.arrays import Floats
@@ -14,9 +14,18 @@ def stand(out: Floats, n: int) -> None:
 
 
 def place_joint(
-    origin: Floats, axis: Floats, prismatic: bool, parent: int, j: int, value: float, n: int, out: Floats
+    origin: Floats,
+    axis: Floats,
+    prismatic: bool,
+    parent: int,
+    j: int,
+    value: float,
+    n: int,
+    out: Floats,
 ) -> None:
-    """Put the carrier of joint `j` where it is: its origin, turned about the axis (Rodrigues) or moved along it."""
+    """Put the carrier of joint `j` where it is: its origin, turned about the axis (Rodrigues)
+    or moved along it.
+    """
     angle, slide = value, 0.0
     if prismatic:
         angle, slide = 0.0, value

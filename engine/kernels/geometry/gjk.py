@@ -1,12 +1,13 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """Distance between two convex hulls, given as stretches of rows of one array of vertices.
 
-By the algorithm of Gilbert, Johnson & Keerthi (1988), with the simplex of the difference kept together with its points
-on both bodies (van den Bergen 2003); the nearest point of a triangle by its Voronoi regions (Ericson 2005, 5.1.5).
+By the algorithm of Gilbert, Johnson & Keerthi (1988), with the simplex of the difference kept
+together with its points on both bodies (van den Bergen 2003); the nearest point of a triangle by
+its Voronoi regions (Ericson 2005, 5.1.5).
 
-A row of `corners` holds the difference (0:3), the points on both bodies (3:6, 6:9) and its weight (9). The simplex is
-the first `size` of them.
+A row of `corners` holds the difference (0:3), the points on both bodies (3:6, 6:9) and its weight
+(9). The simplex is the first `size` of them.
 """
 
 import math
@@ -23,7 +24,9 @@ CORNERS = 160  # of a difference that are kept: four for a distance, more for a 
 
 
 class Cores:
-    """Vertices (v, 3) of hulls, and room for the corners of a difference (160, 10) that a search looks at."""
+    """Vertices (v, 3) of hulls, and room for the corners of a difference (160, 10) that a
+    search looks at.
+    """
 
     def __init__(self, rows: Floats) -> None:
         self.rows, self.corners = rows, np.empty((CORNERS, 10))
@@ -44,14 +47,18 @@ def farthest(c: Cores, start: int, count: int, direction: V) -> int:
     """The row, of `count` from `start`, that lies farthest in a direction."""
     best, found = -INFINITE, start
     for i in range(start, start + count):
-        height = c.rows[i, 0] * direction[0] + c.rows[i, 1] * direction[1] + c.rows[i, 2] * direction[2]
+        height = (
+            c.rows[i, 0] * direction[0] + c.rows[i, 1] * direction[1] + c.rows[i, 2] * direction[2]
+        )
         if height > best:
             best, found = height, i
     return found
 
 
 def support(c: Cores, a: int, na: int, b: int, nb: int, direction: V, at: int) -> V:
-    """The corner of the difference A - B farthest in a direction, written to row `at` of the corners."""
+    """The corner of the difference A - B farthest in a direction, written to row `at` of the
+    corners.
+    """
     i = farthest(c, a, na, direction)
     j = farthest(c, b, nb, vectors.times(-1.0, direction))
     for x in range(3):
@@ -65,7 +72,8 @@ def support(c: Cores, a: int, na: int, b: int, nb: int, direction: V, at: int) -
 def core_distance(c: Cores, a: int, na: int, b: int, nb: int, limit: float) -> float:
     """How far the hulls of two stretches of rows are apart; 0 if they meet.
 
-    As soon as it is sure to exceed `limit`, some value above `limit` comes back. The last simplex stays in `c`.
+    As soon as it is sure to exceed `limit`, some value above `limit` comes back. The last simplex
+    stays in `c`.
     """
     v = vectors.minus(row(c, a), row(c, b))
     size, vv, reach = 0, vectors.dot(v, v), 0.0
@@ -110,7 +118,9 @@ def _nearest(c: Cores, size: int) -> V:
 
 
 def _reduce(c: Cores, size: int) -> int:
-    """Weigh the rows so that their sum is nearest to the origin, drop those without weight; 4 if the origin is inside."""
+    """Weigh the rows so that their sum is nearest to the origin, drop those without weight; 4
+    if the origin is inside.
+    """
     if size == 1:
         c.corners[0, 9] = 1.0
     elif size == 2:
@@ -139,12 +149,18 @@ def _compressed(c: Cores, size: int) -> int:
 
 
 def _tetrahedron(c: Cores) -> bool:
-    """Whether the origin is inside; if not, the weights are those of the nearest point of its faces."""
+    """Whether the origin is inside; if not, the weights are those of the nearest point of its
+    faces.
+    """
     best, outside = INFINITE, False
     weights = vectors.vector(0.0, 0.0, 0.0)
     left_out = 0
     for opposite in range(4):
-        i, j, k = corner(c, (opposite + 1) % 4), corner(c, (opposite + 2) % 4), corner(c, (opposite + 3) % 4)
+        i, j, k = (
+            corner(c, (opposite + 1) % 4),
+            corner(c, (opposite + 2) % 4),
+            corner(c, (opposite + 3) % 4),
+        )
         if _separates(i, j, k, corner(c, opposite)):
             outside = True
             u = triangle_weights(i, j, k)
@@ -164,7 +180,9 @@ def _tetrahedron(c: Cores) -> bool:
 
 
 def _separates(a: V, b: V, c: V, d: V) -> bool:
-    """Whether the plane of a, b, c has the origin and `d` on different sides; true if all four lie in one plane."""
+    """Whether the plane of a, b, c has the origin and `d` on different sides; true if all four
+    lie in one plane.
+    """
     normal = vectors.cross(vectors.minus(b, a), vectors.minus(c, a))
     inner = vectors.dot(vectors.minus(d, a), normal)
     span = vectors.dot(normal, normal) * vectors.dot(vectors.minus(d, a), vectors.minus(d, a))
@@ -191,7 +209,9 @@ def triangle_weights(a: V, b: V, c: V) -> V:
     return _inner_weights(d1, d2, d3, d4, d5, d6, vc)
 
 
-def _inner_weights(d1: float, d2: float, d3: float, d4: float, d5: float, d6: float, vc: float) -> V:
+def _inner_weights(
+    d1: float, d2: float, d3: float, d4: float, d5: float, d6: float, vc: float
+) -> V:
     """The remaining regions: the edges at `c`, and the face."""
     vb = d5 * d2 - d1 * d6
     if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
@@ -205,7 +225,9 @@ def _inner_weights(d1: float, d2: float, d3: float, d4: float, d5: float, d6: fl
 
 
 def nearest_points(c: Cores, out: Floats) -> None:
-    """The weighted points on both bodies (6,), as the last simplex has them; of one around the origin, its middle."""
+    """The weighted points on both bodies (6,), as the last simplex has them; of one around the
+    origin, its middle.
+    """
     for x in range(6):
         out[x] = 0.0
     for i in range(c.size):

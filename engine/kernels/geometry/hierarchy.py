@@ -1,10 +1,11 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """A binary tree of boxes along the axes over numbered pieces.
 
-A node is a row: its box, and its two children. A leaf has the number of a piece instead. Children come before their parent.
-Rows are never changed. A piece that is inserted or removed makes new rows for the nodes above it alone, and so a new tree
-that shares all other rows with the old one; both stay right.
+A node is a row: its box, and its two children. A leaf has the number of a piece instead. Children
+come before their parent. Rows are never changed. A piece that is inserted or removed makes new rows
+for the nodes above it alone, and so a new tree that shares all other rows with the old one; both
+stay right.
 """
 
 import cython
@@ -31,11 +32,15 @@ class Hierarchy:
         self._level = np.zeros(len(boxes), np.int64)
         self.depth, self.numbers = 0, 0
         if not -1 <= root < len(boxes) or not _sound(self):
-            raise ValueError("children must be pieces, or nodes before their parent, and the root a node")
+            raise ValueError(
+                "children must be pieces, or nodes before their parent, and the root a node"
+            )
 
 
 def _sound(h: Hierarchy) -> bool:
-    """Whether all children are there; notes how deep the tree is, and how many pieces there must be."""
+    """Whether all children are there; notes how deep the tree is, and how many pieces there
+    must be.
+    """
     for k in range(h._children.shape[0]):
         one, other = h._children[k, 0], h._children[k, 1]
         if one == LEAF:
@@ -55,7 +60,9 @@ class Plan:
     """What `build` writes: the order of n leaves, their middles, the nodes that they become."""
 
     def __init__(self, leaves: Floats, numbers: Longs, boxes: Floats, children: Longs) -> None:
-        """Takes the leaves' boxes (n, 6) and the numbers (n,) of their pieces; written are 2 n - 1 rows of nodes."""
+        """Takes the leaves' boxes (n, 6) and the numbers (n,) of their pieces; written are 2 n
+        - 1 rows of nodes.
+        """
         count = len(leaves)
         refuse_unless("leaves", leaves, np.float64, (count, 6))
         refuse_unless("numbers", numbers, np.int64, (count,))
@@ -71,7 +78,8 @@ class Plan:
 def build(leaves: Floats, numbers: Longs, boxes: Floats, children: Longs) -> None:
     """Write the nodes of the tree over some leaves; the last row is its root.
 
-    The leaves of a node are halved at the median along the longest side of the box around their middles.
+    The leaves of a node are halved at the median along the longest side of the box around their
+    middles.
     """
     p, count = Plan(leaves, numbers, boxes, children), len(leaves)
     if count:
@@ -119,7 +127,9 @@ def _longest(p: Plan, first: int, after: int) -> int:
 
 
 def _select(p: Plan, low: int, high: int, wanted: int, axis: int) -> None:
-    """Put the leaves in such an order that none before `wanted` lies beyond it along the axis (Hoare 1961)."""
+    """Put the leaves in such an order that none before `wanted` lies beyond it along the axis
+    (Hoare 1961).
+    """
     while low < high:
         pivot, i, j = _middle(p, (low + high) // 2, axis), low, high
         while i <= j:
@@ -165,7 +175,8 @@ class Change:
 
 
 def inserted(h: Hierarchy, box: Floats, number: int) -> tuple[Floats, Longs, int]:
-    """The rows to be added, boxes (m, 6) and children (m, 2), and the root of the tree with one more piece.
+    """The rows to be added, boxes (m, 6) and children (m, 2), and the root of the tree with one
+    more piece.
 
     The piece gets beside the leaf to which the way is that along which boxes grow least.
     """
@@ -183,7 +194,10 @@ def inserted(h: Hierarchy, box: Floats, number: int) -> tuple[Floats, Longs, int
 
 
 def removed(h: Hierarchy, box: Floats, number: int) -> tuple[Floats, Longs, int]:
-    """The rows to be added and the root of the tree without a piece. Raises `KeyError` when it is not there."""
+    """The rows to be added and the root of the tree without a piece.
+
+    Raises `KeyError` when it is not there.
+    """
     c = Change(h, box, number)
     level = _way_to(c) if h.root >= 0 else -1
     if level < 0:
@@ -241,7 +255,9 @@ def _way_in(c: Change) -> int:
 
 
 def _growth(c: Change, node: int) -> float:
-    """How much the edges of a node's box get longer when it takes the new piece in, and how far its middle is, if not at all."""
+    """How much the edges of a node's box get longer when it takes the new piece in, and how far
+    its middle is, if not at all.
+    """
     grown, away = 0.0, 0.0
     for x in range(3):
         low, high = c.h._boxes[node, x], c.h._boxes[node, 3 + x]
@@ -251,7 +267,10 @@ def _growth(c: Change, node: int) -> float:
 
 
 def _way_to(c: Change) -> int:
-    """Write the path to the leaf of a piece; returns its level, or -1. What does not hold its box is passed by."""
+    """Write the path to the leaf of a piece; returns its level, or -1.
+
+    What does not hold its box is passed by.
+    """
     size = 1
     c.open[0], c.levels[0] = c.h.root, 0
     while size > 0:

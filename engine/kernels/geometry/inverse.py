@@ -1,11 +1,13 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Closed-form inverse kinematics of six revolute axes, one pose after the other, all eight branches.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Closed-form inverse kinematics of six revolute axes, one pose after the other, all eight
+branches.
 
-The arm is given at its zero configuration: unit axes h (6, 3) and a point o (6, 3) on each. The target is
-E = T(q) T(0)^-1, so E = exp(h1, o1, q1) ... exp(h6, o6, q6). The angles fall out of two canonical problems in turn:
-turning a vector onto another and turning it until it meets a plane. No axis needs to meet the base axis, and the three wrist
-axes may stand at any angles, so that orthogonal and three-roll wrists are one case.
+The arm is given at its zero configuration: unit axes h (6, 3) and a point o (6, 3) on each. The
+target is E = T(q) T(0)^-1, so E = exp(h1, o1, q1) ... exp(h6, o6, q6). The angles fall out of two
+canonical problems in turn: turning a vector onto another and turning it until it meets a plane. No
+axis needs to meet the base axis, and the three wrist axes may stand at any angles, so that
+orthogonal and three-roll wrists are one case.
 """
 
 import math
@@ -22,16 +24,19 @@ INFINITE = math.inf
 class Batch:
     """Targets E of an arm and their branches; made once for a batch."""
 
-    def __init__(self, h: Floats, o: Floats, centre: V, poses: Floats, q: Floats, valid: Floats) -> None:
-        """Takes h (6, 3), o (6, 3), the point that the last axes share, and poses E (n, 4, 4); written are q (n, 8, 6)
-        and valid (n, 8): 1 or 0. Raises `ValueError` for other arrays.
+    def __init__(
+        self, h: Floats, o: Floats, centre: V, poses: Floats, q: Floats, valid: Floats
+    ) -> None:
+        """Takes h (6, 3), o (6, 3), the point that the last axes share, and poses E (n, 4, 4);
+        written are q (n, 8, 6) and valid (n, 8): 1 or 0. Raises `ValueError` for other arrays.
         """
         self.h, self.o, self.poses, self.q, self.valid = h, o, poses, q, valid
         self.x, self.y, self.z = centre
         self.count = self.poses.shape[0]
         if not _fits(self):
             raise ValueError(
-                f"axes and points must be (6, 3), E (n, 4, 4), q (n, 8, 6), valid (n, 8): E is {poses.shape}"
+                "axes and points must be (6, 3), E (n, 4, 4), q (n, 8, 6), valid (n, 8): E is "
+                f"{poses.shape}"
             )
 
 
@@ -90,7 +95,14 @@ def spherical_wrist(e: Batch) -> None:
 
 
 def _spherical_wrist(e: Batch, n: int) -> None:
-    h1, h2, h3, o1, o2, o3 = axis(e, 1), axis(e, 2), axis(e, 3), point(e, 1), point(e, 2), point(e, 3)
+    h1, h2, h3, o1, o2, o3 = (
+        axis(e, 1),
+        axis(e, 2),
+        axis(e, 3),
+        point(e, 1),
+        point(e, 2),
+        point(e, 3),
+    )
     centre = centre_of(e)
     upper, fore = vectors.minus(o3, o2), vectors.minus(centre, o3)
     target = vectors.minus(moved(e, n, centre), o1)
@@ -108,7 +120,9 @@ def _spherical_wrist(e: Batch, n: int) -> None:
         )
         for j in range(2):
             elbow = third[0] if j == 0 else third[1]
-            second = subproblems.angle_onto(h2, vectors.plus(upper, vectors.turn(h3, elbow, fore)), end)
+            second = subproblems.angle_onto(
+                h2, vectors.plus(upper, vectors.turn(h3, elbow, fore)), end
+            )
             b = 4 * i + 2 * j
             for k in range(2):
                 e.q[n, b + k, 0], e.q[n, b + k, 1], e.q[n, b + k, 2] = base, second, elbow
@@ -118,7 +132,9 @@ def _spherical_wrist(e: Batch, n: int) -> None:
 
 
 def intersecting_axes(e: Batch) -> None:
-    """Axes 1 and 2 through `o1`, axes 4 to 6 through the centre: fill all branches (Elias & Wen 2022, section 4)."""
+    """Axes 1 and 2 through `o1`, axes 4 to 6 through the centre: fill all branches (Elias & Wen
+    2022, section 4).
+    """
     with cython.nogil:
         for n in range(e.count):
             _intersecting_axes(e, n)
@@ -154,7 +170,9 @@ def _intersecting_axes(e: Batch, n: int) -> None:
 
 
 def _wrist(e: Batch, n: int, b: int) -> float:
-    """Fill the last three joints of two branches whose first three are known; whether the wrist can turn so far."""
+    """Fill the last three joints of two branches whose first three are known; whether the wrist
+    can turn so far.
+    """
     h4, h5, h6 = axis(e, 4), axis(e, 5), axis(e, 6)
     tool = _back(e, n, b, rotate(e, n, h6))  # R36 h6
     fifth = subproblems.angles_to_angle(h4, h5, h6, tool)
@@ -163,7 +181,9 @@ def _wrist(e: Batch, n: int, b: int) -> float:
     for k in range(2):
         bend = fifth[0] if k == 0 else fifth[1]
         fourth = subproblems.angle_onto(h4, vectors.turn(h5, bend, h6), tool)
-        sixth = subproblems.angle_onto(h6, aside, vectors.turn(h5, -bend, vectors.turn(h4, -fourth, turned)))
+        sixth = subproblems.angle_onto(
+            h6, aside, vectors.turn(h5, -bend, vectors.turn(h4, -fourth, turned))
+        )
         e.q[n, b + k, 3], e.q[n, b + k, 4], e.q[n, b + k, 5] = fourth, bend, sixth
     return fifth[2]
 
@@ -189,7 +209,14 @@ def parallel_axes(e: Batch) -> None:
 
 
 def _parallel_axes(e: Batch, n: int) -> None:
-    h1, h2, h5, h6, o1, centre = axis(e, 1), axis(e, 2), axis(e, 5), axis(e, 6), point(e, 1), centre_of(e)
+    h1, h2, h5, h6, o1, centre = (
+        axis(e, 1),
+        axis(e, 2),
+        axis(e, 5),
+        axis(e, 6),
+        point(e, 1),
+        centre_of(e),
+    )
     target = vectors.minus(moved(e, n, centre), o1)
     first = subproblems.angles_to_plane(
         h2, vectors.times(-1.0, h1), target, vectors.dot(h2, vectors.minus(centre, o1))
@@ -209,14 +236,22 @@ def _parallel_axes(e: Batch, n: int) -> None:
 
 
 def _elbow(e: Batch, n: int, b: int, wrist: V) -> float:
-    """Fill joints 2, 3, 4 and 6 of two branches whose joints 1 and 5 are known; whether the arm is long enough."""
+    """Fill joints 2, 3, 4 and 6 of two branches whose joints 1 and 5 are known; whether the arm
+    is long enough.
+    """
     h2, h3, o2, o3, o4 = axis(e, 2), axis(e, 3), point(e, 2), point(e, 3), point(e, 4)
-    whole, palm = vectors.minus(wrist, vectors.minus(o2, point(e, 1))), vectors.minus(centre_of(e), o4)
+    whole, palm = (
+        vectors.minus(wrist, vectors.minus(o2, point(e, 1))),
+        vectors.minus(centre_of(e), o4),
+    )
     total, sixth = _hand(e, n, b, whole, palm)
     end = vectors.minus(whole, vectors.turn(h2, total, palm))
     upper, fore = vectors.minus(o3, o2), vectors.minus(o4, o3)
     third = subproblems.angles_to_plane(
-        upper, h3, fore, (vectors.dot(end, end) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0
+        upper,
+        h3,
+        fore,
+        (vectors.dot(end, end) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0,
     )
     for j in range(2):
         bend = third[0] if j == 0 else third[1]
@@ -229,7 +264,14 @@ def _elbow(e: Batch, n: int, b: int, wrist: V) -> float:
 
 def _hand(e: Batch, n: int, b: int, whole: V, palm: V) -> tuple[float, float]:
     """How far joints 2, 3 and 4 turn together about axis 2, and joint 6."""
-    h1, h2, h5, h6, q1, q5 = axis(e, 1), axis(e, 2), axis(e, 5), axis(e, 6), e.q[n, b, 0], e.q[n, b, 4]
+    h1, h2, h5, h6, q1, q5 = (
+        axis(e, 1),
+        axis(e, 2),
+        axis(e, 5),
+        axis(e, 6),
+        e.q[n, b, 0],
+        e.q[n, b, 4],
+    )
     parallel = vectors.turn(h5, -q5, h2)
     beside = vectors.cross(parallel, h6)
     if vectors.dot(beside, beside) > subproblems.ALONG:
@@ -246,7 +288,8 @@ def _hand(e: Batch, n: int, b: int, whole: V, palm: V) -> tuple[float, float]:
 
 
 def residuals(e: Batch, out: Floats) -> None:
-    """How far each valid branch misses E, in metres and radians alike: out (n, 8), infinite where not valid.
+    """How far each valid branch misses E, in metres and radians alike: out (n, 8), infinite where
+    not valid.
 
     Raises `ValueError` for another array.
     """
@@ -265,7 +308,12 @@ def _residual(e: Batch, n: int, b: int) -> float:
     """The largest error of the images of three unit steps from the origin, and of the origin."""
     x, y = vectors.vector(1.0, 0.0, 0.0), vectors.vector(0.0, 1.0, 0.0)
     z, origin = vectors.vector(0.0, 0.0, 1.0), vectors.vector(0.0, 0.0, 0.0)
-    end_x, end_y, end_z, end_origin = moved(e, n, x), moved(e, n, y), moved(e, n, z), moved(e, n, origin)
+    end_x, end_y, end_z, end_origin = (
+        moved(e, n, x),
+        moved(e, n, y),
+        moved(e, n, z),
+        moved(e, n, origin),
+    )
     for joint in range(6, 0, -1):
         h, o, angle = axis(e, joint), point(e, joint), e.q[n, b, joint - 1]
         s, c = angles.sine_cosine(angle)

@@ -1,9 +1,9 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False
 """How convex pieces and pairs of them are laid out in arrays.
 
-Each class checks once what kernels rely on. It keeps every array twice: by its name for NumPy, and with an underscore for
-the kernels, which read it there without touching an object.
+Each class checks once what kernels rely on. It keeps every array twice: by its name for NumPy, and
+with an underscore for the kernels, which read it there without touching an object.
 """
 
 import cython
@@ -24,9 +24,10 @@ class Pieces:
     def __init__(
         self, vertices: Floats, stretch: Longs, radius: Floats, carrier: Longs, bounds: Floats
     ) -> None:
-        """Takes vertices (v, 3) in their carriers; of each piece its `stretch` (n, 2) of them: first row and number of
-        rows; its radius (n,) and carrier (n,); and bounds (n, 18): the middle, the radius of the ball, axes and half
-        sizes of the block around the vertices, the radius, the kind.
+        """Takes vertices (v, 3) in their carriers; of each piece its `stretch` (n, 2) of them:
+        first row and number of rows; its radius (n,) and carrier (n,); and bounds (n, 18): the
+        middle, the radius of the ball, axes and half sizes of the block around the vertices, the
+        radius, the kind.
         """
         count = len(radius)
         refuse_unless("vertices", vertices, np.float64, (len(vertices), 3))
@@ -57,8 +58,9 @@ class Pairs:
     """m pairs of pieces in g groups; two bounds that are apart spare a look at a whole group."""
 
     def __init__(self, pairs: Longs, groups: Longs, after: Longs, order: Longs) -> None:
-        """Takes pairs (m, 2); groups (g, 4): numbers of the bounds of both sides, the first pair, and the one after the
-        last; of each pair (m,) the next one of its group with another first piece, and the number it has in the scene.
+        """Takes pairs (m, 2); groups (g, 4): numbers of the bounds of both sides, the first pair,
+        and the one after the last; of each pair (m,) the next one of its group with another first
+        piece, and the number it has in the scene.
 
         Raises `ValueError` for arrays that do not fit together.
         """

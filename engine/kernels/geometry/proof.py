@@ -1,10 +1,11 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Proofs that nothing touches anywhere on a path, not only at the places looked at (Schwarzer, Saha & Latombe 2005).
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Proofs that nothing touches anywhere on a path, not only at the places looked at (Schwarzer, Saha
+& Latombe 2005).
 
-From the middle of a stretch of a straight line, no point of a piece moves farther than its joints turn times its distance
-from their axes. Pieces that are farther apart than that do not touch on the whole stretch. Else the stretch is halved.
-Sixteen stretches are looked at side by side.
+From the middle of a stretch of a straight line, no point of a piece moves farther than its joints
+turn times its distance from their axes. Pieces that are farther apart than that do not touch on the
+whole stretch. Else the stretch is halved. Sixteen stretches are looked at side by side.
 """
 
 import cython
@@ -21,12 +22,14 @@ LONGEST = 0.5  # rad or m: of a stretch that is looked at first
 
 
 class Proof:
-    """What a proof needs: the scene, and for each joint and piece (k, n) how far the piece gets from the joint's axis.
+    """What a proof needs: the scene, and for each joint and piece (k, n) how far the piece gets
+    from the joint's axis.
 
-    The reach is 0 where the joint does not move the piece, 1 for a joint that slides. Pieces must stay more than `margin` (m)
-    apart. A stretch on which nothing moves more than `finest` (m) is not halved. `looked` counts stretches, `refined` those
-    halved, and `shortest` is the length of the shortest one (rad, m). After a failure, `where` (0 to 1) and `pair` say where
-    on the line, and which pair of the scene is too near. Raises `ValueError` for what does not fit together.
+    The reach is 0 where the joint does not move the piece, 1 for a joint that slides. Pieces must
+    stay more than `margin` (m) apart. A stretch on which nothing moves more than `finest` (m) is
+    not halved. `looked` counts stretches, `refined` those halved, and `shortest` is the length of
+    the shortest one (rad, m). After a failure, `where` (0 to 1) and `pair` say where on the line,
+    and which pair of the scene is too near. Raises `ValueError` for what does not fit together.
     """
 
     def __init__(self, scene: Narrow, reach: Floats, margin: float, finest: float) -> None:
@@ -34,7 +37,8 @@ class Proof:
         refuse_unless("reaches", reach, np.float64, (self.count, scene.pieces.count))
         if not (margin >= 0.0 and finest > 0.0):
             raise ValueError(
-                f"the margin must be 0 or more, the finest motion above 0, not {margin} and {finest}"
+                f"the margin must be 0 or more, the finest motion above 0, not {margin} and "
+                f"{finest}"
             )
         self.margin, self.finest, self.reach = margin, finest, reach
         self.poses = np.empty((1, self.count + 1, 3, 4))
@@ -68,7 +72,9 @@ def proved(p: Proof, path: Floats) -> int:
 
 
 def _line_proved(p: Proof, a: Floats, n: int) -> bool:
-    """Look at sixteen stretches of a line at a time, those nearest to its start first; put halves back for those that fail."""
+    """Look at sixteen stretches of a line at a time, those nearest to its start first; put
+    halves back for those that fail.
+    """
     away, level, first, size = edges.length(a, n, a, n + 1, p.count), 1.0, 0.0, 0
     _measure(p, a, n)
     while level * away > LONGEST:

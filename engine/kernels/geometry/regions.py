@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """Questions to many pieces that stand in the world, put by a few that move or stand.
 
-A question goes down a hierarchy of boxes. A standing piece that it finds is brought into the room of those that ask, where
-both are compared as any two pieces are. So a question costs nothing for the pieces that are far away.
+A question goes down a hierarchy of boxes. A standing piece that it finds is brought into the room
+of those that ask, where both are compared as any two pieces are. So a question costs nothing for
+the pieces that are far away.
 """
 
 import cython
@@ -20,8 +21,8 @@ from cellwright.engine.kernels.geometry.room import Room
 class Walk:
     """Walks through a hierarchy over standing pieces, one after the other; made once for a batch.
 
-    `low` and `high` (3,) are the corners of the box around the piece that asks. Raises `ValueError` for a hierarchy over
-    pieces that are not there, and for pieces that do not stand.
+    `low` and `high` (3,) are the corners of the box around the piece that asks. Raises `ValueError`
+    for a hierarchy over pieces that are not there, and for pieces that do not stand.
     """
 
     def __init__(self, standing: Pieces, tree: Hierarchy) -> None:
@@ -62,7 +63,9 @@ def _open(w: Walk, node: int, square: float) -> None:
 
 
 def _gap(w: Walk, node: int, square: float) -> float:
-    """How far the box of a node is from the box that asks, squared; beyond `square` some lower bound of it."""
+    """How far the box of a node is from the box that asks, squared; beyond `square` some lower
+    bound of it.
+    """
     total = 0.0
     for x in range(3):
         above = w.tree._boxes[node, x] - w.box[3 + x]
@@ -76,7 +79,10 @@ def _gap(w: Walk, node: int, square: float) -> float:
 
 
 def next_within(w: Walk, by: float) -> int:
-    """The next standing piece whose box is within `by` of the piece that asks, or -1. What is nearer comes first."""
+    """The next standing piece whose box is within `by` of the piece that asks, or -1.
+
+    What is nearer comes first.
+    """
     square = by * by
     while w.size > 0:
         w.size -= 1
@@ -97,7 +103,9 @@ def next_within(w: Walk, by: float) -> int:
 
 
 def _compared(w: Walk, here: Room, asking: int, r: int, by: float) -> int:
-    """What the bounds of a standing piece tell; if not that it is apart by more than `by`, it is in the room from now on."""
+    """What the bounds of a standing piece tell; if not that it is apart by more than `by`, it
+    is in the room from now on.
+    """
     room.bring_bounds(here, w.standing, r)
     said = volumes.verdict(here, asking, here.count, by)
     if said != volumes.APART:
@@ -114,11 +122,14 @@ def meets(w: Walk, here: Room, asking: int, r: int, by: float, n: int) -> bool:
     return checks.touches(here, asking, here.count, by)
 
 
-def near_pieces(asking: Pieces, standing: Pieces, tree: Hierarchy, within: float, found: Longs) -> int:
-    """How many pairs there are of an asking piece and a standing one within a distance of it; nothing is moved.
+def near_pieces(
+    asking: Pieces, standing: Pieces, tree: Hierarchy, within: float, found: Longs
+) -> int:
+    """How many pairs there are of an asking piece and a standing one within a distance of it;
+    nothing is moved.
 
-    The first of the pairs that fit are written to `found` (m, 2). Raises `ValueError` for arrays that do not fit together,
-    as all of these do.
+    The first of the pairs that fit are written to `found` (m, 2). Raises `ValueError` for arrays
+    that do not fit together, as all of these do.
     """
     still = np.empty((0, max(1, asking.carriers), 3, 4))
     here, w, told = Room(asking, still, standing), Walk(standing, tree), found
@@ -150,10 +161,12 @@ def first_hits(
     likely: Longs,
     out: Truths,
 ) -> None:
-    """For each of the carrier poses (n, k + 1, 3, 4) whether an asking piece touches a standing one or one of `pairs`.
+    """For each of the carrier poses (n, k + 1, 3, 4) whether an asking piece touches a standing one
+    or one of `pairs`.
 
-    `skip` (asking, standing) are those that may touch. The `likely` ones (m, 2), as `sampling.all_hits` numbers them, are tried first;
-    rows below 0 are free for what touches on the way.
+    `skip` (asking, standing) are those that may touch. The `likely` ones (m, 2), as
+    `sampling.all_hits` numbers them, are tried first; rows below 0 are free for what touches on the
+    way.
     """
     here, w, hit = Room(asking, poses, standing), Walk(standing, tree), likely.copy()
     told, may, both = out.view(np.uint8), skip.view(np.uint8), pairs
@@ -203,7 +216,9 @@ def both_touch(here: Room, i: int, j: int, n: int) -> bool:
 
 
 def _hits_again(here: Room, w: Walk, n: int, hit: Longs) -> bool:
-    """Whether two pieces touch that are likely to, or did so lately; those get one place nearer to the front."""
+    """Whether two pieces touch that are likely to, or did so lately; those get one place nearer
+    to the front.
+    """
     for k in range(hit.shape[0]):
         if hit[k, 0] < 0 or hit[k, 1] < 0:
             return False
@@ -226,7 +241,10 @@ def _hit(here: Room, w: Walk, n: int, asking: int, other: int) -> bool:
 
 
 def _hits_one(here: Room, w: Walk, skip: Bytes, n: int, hit: Longs) -> bool:
-    """Whether one asking piece touches a standing one; notes which. The last pieces of an arm ask first."""
+    """Whether one asking piece touches a standing one; notes which.
+
+    The last pieces of an arm ask first.
+    """
     for asking in range(here.count - 1, -1, -1):
         room.bounds_once(here, asking, n)
         begin(w, here, asking, 0.0)
@@ -258,7 +276,9 @@ def nearest_hits(
     beyond: float,
     distance: Floats,
 ) -> None:
-    """The least signed distance (n,) below `beyond` between asking and standing pieces, and in `pairs`."""
+    """The least signed distance (n,) below `beyond` between asking and standing pieces, and in
+    `pairs`.
+    """
     here, w = Room(asking, poses, standing), Walk(standing, tree)
     least, may, both = distance, skip.view(np.uint8), pairs
     refuse_unless_fitting(here, w, both, may, least.shape[0])

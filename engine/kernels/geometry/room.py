@@ -1,6 +1,8 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Pieces where their carriers are: what kernels write while they go through a batch of carrier poses."""
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Pieces where their carriers are: what kernels write while they go through a batch of carrier
+poses.
+"""
 
 import numpy as np
 
@@ -11,16 +13,20 @@ from cellwright.engine.kernels.geometry.layout import Pieces
 
 
 class Room:
-    """Pieces and the carrier poses (n, k + 1, 3, 4) of a batch; made once for it. What stands has its place already.
+    """Pieces and the carrier poses (n, k + 1, 3, 4) of a batch; made once for it. What stands has
+    its place already.
 
-    `world` (v, 3) are vertices and `bounds` (n, 18) bounds in the world. After the pieces, as number `count`, comes the one
-    of `visitors`, others that stand, that was brought in last. Raises `ValueError` for poses that do not fit.
+    `world` (v, 3) are vertices and `bounds` (n, 18) bounds in the world. After the pieces, as
+    number `count`, comes the one of `visitors`, others that stand, that was brought in last. Raises
+    `ValueError` for poses that do not fit.
     """
 
     def __init__(self, p: Pieces, poses: Floats, visitors: Pieces | None = None) -> None:
         self.poses = poses
         if self.poses.shape[1] < p.carriers or self.poses.shape[2] != 3 or self.poses.shape[3] != 4:
-            raise ValueError(f"carrier poses must be (n, {p.carriers} or more, 3, 4), not {poses.shape}")
+            raise ValueError(
+                f"carrier poses must be (n, {p.carriers} or more, 3, 4), not {poses.shape}"
+            )
         self.count, self.batch, self.most = p.count, len(poses), p.most
         self.pieces = p
         self.vertices, self.carrier = self.pieces._vertices, self.pieces._carrier
@@ -34,7 +40,8 @@ class Room:
             radius = np.concatenate([radius, np.zeros(1)])
         self.world, self.cores, self.bounds = world, Cores(world), bounds
         self.stretch, self.radius = stretch, radius
-        self.placed = np.empty(self.count, np.int64)  # the last of the batch that each was placed for
+        # the last of the batch that each was placed for
+        self.placed = np.empty(self.count, np.int64)
         self.moved = np.empty(self.count, np.int64)  # the same for bounds
         for i in range(self.count):
             self.placed[i] = self.moved[i] = self.batch if self.carrier[i] == 0 else -1

@@ -1,6 +1,8 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""All that touches in some sampled carrier poses: what is worth a look before a walk down a hierarchy is learned from it."""
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""All that touches in some sampled carrier poses: what is worth a look before a walk down a
+hierarchy is learned from it.
+"""
 
 import cython
 import numpy as np
@@ -24,8 +26,8 @@ def all_hits(
 ) -> int:
     """How often anything touches in all carrier poses.
 
-    The first of it is written to `found` (m, 3): the pose, the asking piece, and the standing piece that it touches, or after
-    the numbers of these the other asking one.
+    The first of it is written to `found` (m, 3): the pose, the asking piece, and the standing piece
+    that it touches, or after the numbers of these the other asking one.
     """
     here, w, told = Room(asking, poses, standing), Walk(standing, tree), found
     may, both, count = skip.view(np.uint8), pairs, 0

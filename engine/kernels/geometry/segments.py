@@ -1,6 +1,9 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Gaps between points, segments and blocks, by formulas of their own. A piece of one or two vertices is a segment."""
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Gaps between points, segments and blocks, by formulas of their own.
+
+A piece of one or two vertices is a segment.
+"""
 
 from cellwright.engine.kernels.geometry import layout, vectors
 from cellwright.engine.kernels.geometry.room import Room
@@ -31,10 +34,12 @@ def segment_gap(room: Room, i: int, j: int) -> float:
 
 
 def segment_block_gap(room: Room, i: int, j: int) -> float:
-    """The distance, squared, between a placed point or segment and the block that a placed piece is.
+    """The distance, squared, between a placed point or segment and the block that a placed piece
+    is.
 
-    Along the segment the square is convex and quadratic between the six places where the segment passes a side; the
-    slope is followed from place to place until the stretch is found where it changes its sign.
+    Along the segment the square is convex and quadratic between the six places where the segment
+    passes a side; the slope is followed from place to place until the stretch is found where it
+    changes its sign.
     """
     start, half = _in_block(room, _end(room, i, False), j), _entries(room, j, layout.HALF)
     step = vectors.minus(_in_block(room, _end(room, i, True), j), start)

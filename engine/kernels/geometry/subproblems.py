@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""The canonical problems of inverse kinematics: by which angles a vector is turned about a unit axis to get somewhere.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""The canonical problems of inverse kinematics: by which angles a vector is turned about a unit
+axis to get somewhere.
 
-Turning a vector onto another is subproblem 1 of Paden (1986); turning it until it meets a plane is subproblem 4 of
-Elias & Wen (2022), and the distance problem, 3, is the same equation.
+Turning a vector onto another is subproblem 1 of Paden (1986); turning it until it meets a plane is
+subproblem 4 of Elias & Wen (2022), and the distance problem, 3, is the same equation.
 """
 
 import math
@@ -12,22 +13,27 @@ from cellwright.engine.kernels.geometry import angles, vectors
 from cellwright.engine.kernels.geometry.vectors import V
 
 ALONG = 1e-26  # of a vector along an axis, the part across it, squared: less is rounding
-SLACK = 1e-7  # how far beyond a limit a cosine may lie; Newton's method repairs or the residual rejects it
+# how far beyond a limit a cosine may lie; Newton's method repairs or the residual rejects it
+SLACK = 1e-7
 
 
 def angle_onto(axis: V, start: V, end: V) -> float:
-    """The angle that turns `start` onto `end` about `axis`, as nearly as it can; 0 when either lies along the axis."""
+    """The angle that turns `start` onto `end` about `axis`, as nearly as it can; 0 when either
+    lies along the axis.
+    """
     p = vectors.minus(start, vectors.times(vectors.dot(axis, start), axis))
     q = vectors.minus(end, vectors.times(vectors.dot(axis, end), axis))
-    if vectors.dot(p, p) < ALONG * vectors.dot(start, start) or vectors.dot(q, q) < ALONG * vectors.dot(
-        end, end
-    ):
+    if vectors.dot(p, p) < ALONG * vectors.dot(start, start) or vectors.dot(
+        q, q
+    ) < ALONG * vectors.dot(end, end):
         return 0.0
     return angles.angle_of(vectors.dot(axis, vectors.cross(p, q)), vectors.dot(p, q))
 
 
 def angles_to_plane(normal: V, axis: V, start: V, offset: float) -> V:
-    """Both angles at which `start`, turned about `axis`, has `normal . start == offset`, then 1 if there are any, or 0."""
+    """Both angles at which `start`, turned about `axis`, has `normal . start == offset`, then 1
+    if there are any, or 0.
+    """
     along = vectors.dot(normal, axis) * vectors.dot(axis, start)
     a = vectors.dot(normal, start) - along
     b = vectors.dot(normal, vectors.cross(axis, start))
@@ -45,10 +51,13 @@ def angles_to_plane(normal: V, axis: V, start: V, offset: float) -> V:
 def angles_to_angle(normal: V, axis: V, start: V, target: V) -> V:
     """The same for unit vectors: `start` makes the angle with `normal` that `target` makes.
 
-    The angles are found from sines, so that those near 0 are exact, too: there a cosine tells nothing.
+    The angles are found from sines, so that those near 0 are exact, too: there a cosine tells
+    nothing.
     """
     a, b, c = _between(normal, axis), _between(axis, start), _between(normal, target)
-    square = 4.0 * angles.sine_cosine((c + a - b) / 2.0)[0] * angles.sine_cosine((c - a + b) / 2.0)[0]
+    square = (
+        4.0 * angles.sine_cosine((c + a - b) / 2.0)[0] * angles.sine_cosine((c - a + b) / 2.0)[0]
+    )
     square *= angles.sine_cosine((a + b + c) / 2.0)[0] * angles.sine_cosine((a + b - c) / 2.0)[0]
     amplitude = angles.sine_cosine(a)[0] * angles.sine_cosine(b)[0]
     if amplitude < 1e-14:

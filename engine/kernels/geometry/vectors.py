@@ -1,8 +1,9 @@
 # cython: language_level=3, annotation_typing=False
 """Vectors as tuples of three floats, and rotations applied to them.
 
-`vectors.pxd` has the same lines once more: Cython copies into other modules only what stands there. The modules that use
-them are tested compiled and as they stand, to the last bit, which holds both together.
+`vectors.pxd` has the same lines once more: Cython copies into other modules only what stands there.
+The modules that use them are tested compiled and as they stand, to the last bit, which holds both
+together.
 """
 
 import cython
@@ -14,7 +15,9 @@ V = tuple[float, float, float]
 if not cython.compiled:
 
     def vector(x: float, y: float, z: float) -> V:
-        """(x, y, z), which Cython takes for a Python object when all three are numbers written out."""
+        """(x, y, z), which Cython takes for a Python object when all three are numbers written
+        out.
+        """
         return (x, y, z)
 
     def dot(a: V, b: V) -> float:

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """Balls and blocks around pieces: they decide about most pairs without any iteration."""
 
 import cython
@@ -12,9 +12,11 @@ if not cython.compiled:  # `volumes.pxd` has these numbers, too
 
 
 def verdict(room: Room, i: int, j: int, by: float) -> int:
-    """What bounds in the world tell of two pieces: APART by more than `by`, TOUCHING (within `by`), or UNDECIDED.
+    """What bounds in the world tell of two pieces: APART by more than `by`, TOUCHING (within `by`),
+    or UNDECIDED.
 
-    Of two balls, and of a ball and a block, the bounds are the pieces, so that nothing is left undecided.
+    Of two balls, and of a ball and a block, the bounds are the pieces, so that nothing is left
+    undecided.
     """
     x, y, z = (
         room.bounds[i, 0] - room.bounds[j, 0],

@@ -1,8 +1,10 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Two trees of free lines, from the starts and from the goals, grown until they meet (Kuffner & LaValle 2000, RRT-Connect).
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Two trees of free lines, from the starts and from the goals, grown until they meet (Kuffner &
+LaValle 2000, RRT-Connect).
 
-Samples are quasi-random. The smaller tree grows next, so that neither is caught behind a narrow passage for long.
+Samples are quasi-random. The smaller tree grows next, so that neither is caught behind a narrow
+passage for long.
 """
 
 import math
@@ -20,10 +22,12 @@ INFINITE = math.inf
 
 
 class Trees:
-    """Trees over starts (a, k) and goals (b, k), within limits (k,) that are finite; a branch is at most `reach` long.
+    """Trees over starts (a, k) and goals (b, k), within limits (k,) that are finite; a branch is at
+    most `reach` long.
 
-    `nodes` (2, capacity, k) are configurations, `parents` (2, capacity) their predecessors, -1 for none. `shift` (k,), from 0
-    to 1, is what the seed decides. Raises `ValueError` for arrays that do not fit together.
+    `nodes` (2, capacity, k) are configurations, `parents` (2, capacity) their predecessors, -1 for
+    none. `shift` (k,), from 0 to 1, is what the seed decides. Raises `ValueError` for arrays that
+    do not fit together.
     """
 
     def __init__(
@@ -41,8 +45,15 @@ class Trees:
             raise ValueError(f"starts and goals must be (n, {count}), at least one of each")
         if high.shape != (count,) or shift.shape != (count,):
             raise ValueError(f"limits and shift must be ({count},)")
-        self.count, self.capacity, self.reach = count, capacity + max(len(starts), len(goals)), reach
-        self.nodes, self.parents = np.empty((2, self.capacity, count)), np.empty((2, self.capacity), np.int64)
+        self.count, self.capacity, self.reach = (
+            count,
+            capacity + max(len(starts), len(goals)),
+            reach,
+        )
+        self.nodes, self.parents = (
+            np.empty((2, self.capacity, count)),
+            np.empty((2, self.capacity), np.int64),
+        )
         self.nodes[0, : len(starts)], self.nodes[1, : len(goals)] = starts, goals
         self.parents[0, : len(starts)], self.parents[1, : len(goals)] = -1, -1
         self._nodes, self._parents = self.nodes, self.parents
@@ -51,7 +62,9 @@ class Trees:
         self.low, self.high = np.array(low, dtype=float), np.array(high, dtype=float)
         self.target, self.halton = np.empty((1, count)), Halton(shift)
         if not (reach > 0.0 and _finite(self)):
-            raise ValueError("configurations and limits must be finite, and branches longer than nothing")
+            raise ValueError(
+                "configurations and limits must be finite, and branches longer than nothing"
+            )
 
     def grown(self) -> tuple[Floats, Floats]:
         """The configurations of both trees, each (n, k)."""
@@ -82,7 +95,9 @@ def _finite(t: Trees) -> bool:
 
 
 def connect(t: Trees, e: Edges, budget: int) -> bool:
-    """Grow both trees until they meet, or until `e` has looked at `budget` configurations or the trees are full."""
+    """Grow both trees until they meet, or until `e` has looked at `budget` configurations or
+    the trees are full.
+    """
     if e.count != t.count:
         raise ValueError(f"lines of {e.count} joints, but trees of {t.count}")
     with cython.nogil:
@@ -93,7 +108,9 @@ def connect(t: Trees, e: Edges, budget: int) -> bool:
 
 
 def _straight(t: Trees, e: Edges, budget: int) -> int:
-    """Whether a start and a goal can be joined by a straight line; the meeting point is then added."""
+    """Whether a start and a goal can be joined by a straight line; the meeting point is then
+    added.
+    """
     for start in range(t.size[0]):
         for goal in range(t.size[1]):
             free = e.free(t._first, start, t._second, goal)
@@ -123,7 +140,9 @@ def _grow(t: Trees, e: Edges, budget: int) -> int:
 
 
 def _met(t: Trees, e: Edges, side: int) -> int:
-    """Whether the other tree reaches the youngest node of `side`; it goes there as far as it can."""
+    """Whether the other tree reaches the youngest node of `side`; it goes there as far as it
+    can.
+    """
     other = 1 - side
     for x in range(t.count):
         t.target[0, x] = t._nodes[side, t.size[side] - 1, x]
@@ -159,7 +178,9 @@ def _nearest(t: Trees, side: int) -> int:
 
 
 def _advance(t: Trees, e: Edges, side: int, near: int) -> int:
-    """Add a node on the way from a node to the target: 2 if it is the target, 1 if it is not, 0 if the way is blocked."""
+    """Add a node on the way from a node to the target: 2 if it is the target, 1 if it is not, 0
+    if the way is blocked.
+    """
     nodes = t._second if side else t._first
     n = t.size[side]
     away = edges.length(nodes, near, t.target, 0, t.count)

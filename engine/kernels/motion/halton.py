@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """Quasi-random points: they fill a cube evenly, and are the same on every run (Halton 1960)."""
 
 import functools
@@ -26,7 +26,8 @@ def primes(count: int) -> Longs:
 
 
 class Halton:
-    """Points of the unit cube in `count` dimensions, shifted by (count,) round the cube; `drawn` counts them.
+    """Points of the unit cube in `count` dimensions, shifted by (count,) round the cube; `drawn`
+    counts them.
 
     Raises `ValueError` for more than 64 dimensions.
     """

@@ -1,6 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Paths made shorter: corners left out, then straight bridges between two places of the path (Geraerts & Overmars 2007).
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Paths made shorter: corners left out, then straight bridges between two places of the path
+(Geraerts & Overmars 2007).
 
 The places are quasi-random, so that the same path is always shortened in the same way.
 """
@@ -16,7 +17,10 @@ from cellwright.engine.kernels.motion.halton import Halton
 
 
 class Route:
-    """A path (m, k) with room for `tries` bridges. Raises `ValueError` for one without a line, or with what is no number."""
+    """A path (m, k) with room for `tries` bridges.
+
+    Raises `ValueError` for one without a line, or with what is no number.
+    """
 
     def __init__(self, path: Floats, tries: int) -> None:
         if path.ndim != 2 or len(path) < 2 or not np.isfinite(path).all():
@@ -37,12 +41,15 @@ class Route:
 
 
 def shorten(r: Route, e: Edges, tries: int, budget: int) -> None:
-    """Shorten a path by free lines, until `tries` bridges are tried or `e` has looked at `budget` configurations.
+    """Shorten a path by free lines, until `tries` bridges are tried or `e` has looked at `budget`
+    configurations.
 
     Raises `ValueError` for more tries than there is room for.
     """
     if e.count != r.count or tries > len(r.rows) - r.size - 2:
-        raise ValueError(f"a path of {r.count} joints with room for {len(r.rows) - r.size - 2} bridges")
+        raise ValueError(
+            f"a path of {r.count} joints with room for {len(r.rows) - r.size - 2} bridges"
+        )
     with cython.nogil:
         _skip_corners(r, e, budget)
         for n in range(tries):
@@ -69,7 +76,9 @@ def _skip_corners(r: Route, e: Edges, budget: int) -> int:
 
 
 def _drop_close(r: Route, e: Edges) -> int:
-    """Leave out corners that are nearer than a step to the one before, where the line past them is free."""
+    """Leave out corners that are nearer than a step to the one before, where the line past them
+    is free.
+    """
     i = 1
     while i < r.size - 1:
         close = edges.length(r._rows, i - 1, r._rows, i, r.count) < e.step
@@ -126,7 +135,9 @@ def _bridge(r: Route, e: Edges, window: float) -> int:
 
 
 def _locate(r: Route, way: float, row: int) -> int:
-    """The line on which a place of the path lies; the place itself is written to a row of `ends`."""
+    """The line on which a place of the path lies; the place itself is written to a row of
+    `ends`.
+    """
     n = 0
     while n < r.size - 2 and r.along[n + 1] < way:
         n += 1

@@ -27,7 +27,9 @@ MOST_PLACES = 5_000  # fully specified; they and their transitions are listed on
 
 @dataclass(frozen=True, slots=True)
 class NetRequest:
-    """What is to be generated: the whole cell or only `parts` of it (objects or classes), by class or `full`y specified."""
+    """What is to be generated: the whole cell or only `parts` of it (objects or classes), by
+    class or `full`y specified.
+    """
 
     parts: tuple[str, ...] = ()
     full: bool = False
@@ -40,21 +42,34 @@ def contact_model_of(target: str) -> tuple[ContactModel, tuple[Diagnostic, ...]]
 
 
 def net_space(model: ContactModel, request: NetRequest = NetRequest()) -> FormSpace:
-    """The forms and steps of a cell. Raises `InvalidInput` for unknown parts or filters, or a start that none lets pass."""
+    """The forms and steps of a cell.
+
+    Raises `InvalidInput` for unknown parts or filters, or a start that none lets pass.
+    """
     _require_known(model, request.parts)
-    filters: dict[str, ContactFilter] = {name: contact_filter(name, model) for name in model.filters}
-    individuals = {individual for cell_filter in filters.values() for individual in cell_filter.individuals()}
+    filters: dict[str, ContactFilter] = {
+        name: contact_filter(name, model) for name in model.filters
+    }
+    individuals = {
+        individual for cell_filter in filters.values() for individual in cell_filter.individuals()
+    }
     types = token_types(model, request.parts, request.full, individuals)
     if not types:
         hint = "name objects or classes with anchor points"
         raise InvalidInput(
-            [Diagnostic(Source(model.path), "K405", "there is nothing that has anchor points", hint)]
+            [
+                Diagnostic(
+                    Source(model.path), "K405", "there is nothing that has anchor points", hint
+                )
+            ]
         )
     return generate_states(model, types, filters, request.forms)
 
 
 def build_net(model: ContactModel, request: NetRequest = NetRequest()) -> ContactNet:
-    """The net of a cell. Raises `InvalidInput` as `space_of` does, and if `full` there are too many places to list."""
+    """The net of a cell. Raises `InvalidInput` as `space_of` does, and if `full` there are too
+    many places to list.
+    """
     if request.full:
         _require_listable(model, request)
     return net_of(net_space(model, request), request.full)
@@ -65,16 +80,21 @@ def _require_listable(model: ContactModel, request: NetRequest) -> None:
     count = sum(count_individuals(space, form) for form in space.forms)
     if count > MOST_PLACES or not space.complete:
         message = (
-            f"{'' if space.complete else 'more than '}{count:,} fully specified places are too many to list"
+            f"{'' if space.complete else 'more than '}{count:,} fully specified places are too "
+            "many to list"
         )
-        hint = "leave --full out: the net by contact class is small, and its states are counted all the same"
+        hint = (
+            "leave --full out: the net by contact class is small, and its states are counted "
+            "all the same"
+        )
         raise InvalidInput([Diagnostic(Source(model.path), "K007", message, hint)])
 
 
 def contact_sequence(
     model: ContactModel, goals: Sequence[str], request: NetRequest = NetRequest()
 ) -> tuple[OperatorSequence, NetPlayer]:
-    """The shortest sequence of operators to contact states that are written as octuples, and the net in play.
+    """The shortest sequence of operators to contact states that are written as octuples, and the
+    net in play.
 
     Raises `InvalidInput`.
     """
@@ -86,7 +106,9 @@ def contact_sequence(
 def _goal_octuple(model: ContactModel, text: str) -> Octuple:
     file = File.of("--goal", text)
     findings = LoadFindings()
-    octuple = ContactTemplates(findings, model.classes, model.objects).of(YamlNode(text, file, 0, len(text)))
+    octuple = ContactTemplates(findings, model.classes, model.objects).of(
+        YamlNode(text, file, 0, len(text))
+    )
     require_valid(findings)
     assert octuple is not None, "what is wrong was reported"
     return octuple
@@ -104,10 +126,15 @@ def _require_known(model: ContactModel, parts: Collection[str]) -> None:
 
 
 def compare_net_without(model: ContactModel, whole: ContactNet, part: str) -> ObjectShare:
-    """The net of a cell compared with the net without an object, or the objects of a class. Raises `InvalidInput`."""
+    """The net of a cell compared with the net without an object, or the objects of a class.
+
+    Raises `InvalidInput`.
+    """
     _require_known(model, [part])
     other_objects = tuple(
-        object_name for object_name in model.objects if part not in (object_name, *model.kinds(object_name))
+        object_name
+        for object_name in model.objects
+        if part not in (object_name, *model.kinds(object_name))
     )
     before = build_net(model, NetRequest(other_objects))
     known_removals = {(removal.filter, removal.reason) for removal in before.removed}
@@ -116,12 +143,17 @@ def compare_net_without(model: ContactModel, whole: ContactNet, part: str) -> Ob
         len(whole.places) - len(before.places),
         len(whole.transitions) - len(before.transitions),
         whole.growth.states - before.growth.states,
-        tuple(sorted({(removal.filter, removal.reason) for removal in whole.removed} - known_removals)),
+        tuple(
+            sorted({(removal.filter, removal.reason) for removal in whole.removed} - known_removals)
+        ),
     )
 
 
 def generate_domain(path: Path) -> File:
-    """The planning domain that is generated from the contact model beside a domain file. Raises `InvalidInput`."""
+    """The planning domain that is generated from the contact model beside a domain file.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.engine.pipelines.contact_states.net_domain import generated_domain_file
 
     model, _ = load_contacts(path)
@@ -129,7 +161,8 @@ def generate_domain(path: Path) -> File:
 
 
 def write_domain(target: str, folder: Path) -> tuple[Path, ...]:
-    """Write the generated domain into a folder, with its rules, own devices and problems. Returns the files. Raises `InvalidInput`.
+    """Write the generated domain into a folder, with its rules, own devices and problems. Returns
+    the files. Raises `InvalidInput`.
 
     Files that are there are not overwritten.
     """

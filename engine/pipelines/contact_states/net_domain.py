@@ -1,7 +1,7 @@
 """Writes the planning domain of a net: given sections, and generated operators for the rest.
 
-The text of the domain file is kept; only operators that are no processes go, and lines are added to its sections. Operators of
-devices that are no processes are listed under `without`.
+The text of the domain file is kept; only operators that are no processes go, and lines are added to
+its sections. Operators of devices that are no processes are listed under `without`.
 """
 
 from collections.abc import Iterator
@@ -39,7 +39,10 @@ Lines = dict[str, list[str]]
 
 
 def generated_domain_file(model: ContactModel, net: ContactNet, domain: Domain) -> File:
-    """The generated domain as a file of the same name. Raises `InvalidInput` if lines cannot be added to a section."""
+    """The generated domain as a file of the same name.
+
+    Raises `InvalidInput` if lines cannot be added to a section.
+    """
     vocabulary = NetVocabulary(model, domain)
     lines: Lines = {section: [] for section in DOMAIN_SECTIONS} | vocabulary.declarations()
     lines["fluents"] = [
@@ -56,7 +59,9 @@ def generated_domain_file(model: ContactModel, net: ContactNet, domain: Domain) 
     _add_gauges(model, lines)
     lines["deductive_operators"] += _deduction_lines(model, vocabulary)
     lines["defaults"] += [*_start_lines(model, vocabulary), "void(Anchor)"]
-    lines["without"] = [operator.name for operator in domain.operators if _is_dropped_device(operator, model)]
+    lines["without"] = [
+        operator.name for operator in domain.operators if _is_dropped_device(operator, model)
+    ]
     file = read_file(Path(domain.path))
     return File.of(file.path, _EditedDomain(file, model.processes).text(lines))
 
@@ -94,15 +99,22 @@ def _add_joints(model: ContactModel, lines: Lines) -> None:
 
 
 def _add_gauges(model: ContactModel, lines: Lines) -> None:
-    """What sensors and clocks can read. Plans do not depend on it: the executive reads it when a step begins."""
+    """What sensors and clocks can read.
+
+    Plans do not depend on it: the executive reads it when a step begins.
+    """
     looked_at = [
-        restriction for restriction in model.restrictions if restriction.kind is not ConditionKind.JOINT
+        restriction
+        for restriction in model.restrictions
+        if restriction.kind is not ConditionKind.JOINT
     ]
     if not looked_at:
         return
     values: dict[str, list[str]] = {}
     for restriction in looked_at:
-        values.setdefault(restriction.subject, []).append(f"{restriction.subject}_{restriction.value}")
+        values.setdefault(restriction.subject, []).append(
+            f"{restriction.subject}_{restriction.value}"
+        )
     for subject, readings in values.items():
         lines["types"].append(f"{subject}_reading: [{', '.join(dict.fromkeys(readings))}]")
     lines["types"].append(f"gauge: [{', '.join(f'{subject}_gauge' for subject in values)}]")
@@ -111,7 +123,10 @@ def _add_gauges(model: ContactModel, lines: Lines) -> None:
 
 def _start_lines(model: ContactModel, vocabulary: NetVocabulary) -> Iterator[str]:
     for contact in model.initial:
-        yield f"contact({vocabulary.point(contact.first, {})}, {vocabulary.point(contact.second, {})})"
+        yield (
+            f"contact({vocabulary.point(contact.first, {})}, "
+            f"{vocabulary.point(contact.second, {})})"
+        )
 
 
 def _deduction_lines(model: ContactModel, vocabulary: NetVocabulary) -> Iterator[str]:
@@ -119,7 +134,10 @@ def _deduction_lines(model: ContactModel, vocabulary: NetVocabulary) -> Iterator
     yield "when: contact(Key, Lock)\n  denies: void(Key); void(Lock)"
     for meaning in model.meanings:
         for contact in _class_contacts(model, meaning.contact):
-            term = f"contact({vocabulary.point(contact.first, {})}, {vocabulary.point(contact.second, {})})"
+            term = (
+                f"contact({vocabulary.point(contact.first, {})}, "
+                f"{vocabulary.point(contact.second, {})})"
+            )
             terms = {
                 point.instance: vocabulary.object(point, {})
                 for point in (contact.first, contact.second)
@@ -193,7 +211,9 @@ class _EditedDomain:
         yield (
             end,
             end,
-            lead + _written_section(name, added, max(indent, 0 if name in LIST_SECTIONS else 1)) + "\n",
+            lead
+            + _written_section(name, added, max(indent, 0 if name in LIST_SECTIONS else 1))
+            + "\n",
         )
 
     def _dropped(self, value: YamlNode, end: int) -> Iterator[tuple[int, int, str]]:

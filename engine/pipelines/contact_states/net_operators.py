@@ -24,9 +24,11 @@ from cellwright.kb.terms import Atom, Function, Term, Variable
 
 @dataclass
 class NetVocabulary:
-    """Names of types, functions and objects. An object that is the only one of its class stands for itself.
+    """Names of types, functions and objects. An object that is the only one of its class stands for
+    itself.
 
-    `types` says which type of the domain the objects of a class have; new ones are `declared` with their objects.
+    `types` says which type of the domain the objects of a class have; new ones are `declared` with
+    their objects.
     """
 
     model: ContactModel
@@ -49,10 +51,19 @@ class NetVocabulary:
         return tuple(member for member, of in self.model.objects.items() if of == kind)
 
     def _type(self, kind: str, members: tuple[str, ...]) -> str:
-        """The type of the objects of a class: that of the domain if it knows them, else a new one."""
-        known_types = {self.domain.objects[member] for member in members if member in self.domain.objects}
+        """The type of the objects of a class: that of the domain if it knows them, else a new
+        one.
+        """
+        known_types = {
+            self.domain.objects[member] for member in members if member in self.domain.objects
+        }
         if not known_types:
-            taken = {*self.domain.types, *self.domain.objects, *self.model.objects, *self.domain.predicates}
+            taken = {
+                *self.domain.types,
+                *self.domain.objects,
+                *self.model.objects,
+                *self.domain.predicates,
+            }
             name = f"{kind.lower()}_object" if kind.lower() in taken else kind.lower()
             self.declared[name] = members
             return name
@@ -74,7 +85,9 @@ class NetVocabulary:
         yield from ((name, tuple(anchors)) for name, anchors in groups.items() if len(anchors) > 1)
 
     def object(self, point: Quadruple, variables: dict[str, str]) -> str:
-        """The object of an anchor point: a constant, or a variable, which is noted with its type."""
+        """The object of an anchor point: a constant, or a variable, which is noted with its
+        type.
+        """
         members = self.members(point.object_class)
         if point.instance in self.model.objects:
             return point.instance
@@ -102,7 +115,9 @@ class NetVocabulary:
         return f"{named}({instance}, {mark})"
 
     def mark(self, marks: str, anchor: str) -> str:
-        """The constant for one of several anchor points: its name, unless something else has it, too."""
+        """The constant for one of several anchor points: its name, unless something else has
+        it, too.
+        """
         alike = sum(anchor in anchors for anchors in self.marks.values())
         taken = {*self.domain.objects, *self.model.objects, *self._constants}
         return f"{marks.removesuffix('_mark')}_{anchor}" if alike > 1 or anchor in taken else anchor
@@ -176,12 +191,20 @@ class OperatorText:
             "resources": self.resources,
         }
         parts_written = [
-            f'  {key}: "{", ".join(dict.fromkeys(values))}"' for key, values in parts.items() if values
+            f'  {key}: "{", ".join(dict.fromkeys(values))}"'
+            for key, values in parts.items()
+            if values
         ]
         if self.online:
-            looks = ", ".join(f'{{fact: "{looked_fact}"}}' for looked_fact in dict.fromkeys(self.online))
+            looks = ", ".join(
+                f'{{fact: "{looked_fact}"}}' for looked_fact in dict.fromkeys(self.online)
+            )
             parts_written.append(f"  online: [{looks}]")
-        return [f"{self.name.lower()}{used}:", *([f"  types: {{{types}}}"] if types else []), *parts_written]
+        return [
+            f"{self.name.lower()}{used}:",
+            *([f"  types: {{{types}}}"] if types else []),
+            *parts_written,
+        ]
 
 
 def net_operators(net: ContactNet, vocabulary: NetVocabulary) -> Iterator[OperatorText]:
@@ -203,11 +226,15 @@ def _by_meaning(
     """A case for each of several anchor points that the changed contact means something else at."""
     changed, *other_contacts = case
     for anchors in _anchor_choices(vocabulary, changed):
-        named = tuple(_with_anchors(contact_named, anchors) for contact_named in (changed, *other_contacts))
+        named = tuple(
+            _with_anchors(contact_named, anchors) for contact_named in (changed, *other_contacts)
+        )
         yield named, list(_contact_meanings(vocabulary, named[0]))
 
 
-def _anchor_choices(vocabulary: NetVocabulary, changed: Octuple) -> Iterator[dict[tuple[str, str], str]]:
+def _anchor_choices(
+    vocabulary: NetVocabulary, changed: Octuple
+) -> Iterator[dict[tuple[str, str], str]]:
     for end in (changed.first, changed.second):
         if is_variable_name(end.anchor) and any(
             point.anchor not in (ANY, end.anchor) and not is_variable_name(point.anchor)
@@ -236,7 +263,9 @@ def _contact_meanings(
 ) -> Iterator[tuple[Meaning, dict[str, str]]]:
     """What a contact stands for, with the objects for the variables."""
     model = vocabulary.model
-    sample = Octuple(*(_sample_object(vocabulary, point) for point in (contact.first, contact.second)))
+    sample = Octuple(
+        *(_sample_object(vocabulary, point) for point in (contact.first, contact.second))
+    )
     terms = {
         _sample_object(vocabulary, point).instance: vocabulary.object(point, {})
         for point in (contact.first, contact.second)
@@ -252,16 +281,26 @@ def _sample_object(vocabulary: NetVocabulary, point: Quadruple) -> Quadruple:
     if point.instance in vocabulary.model.objects:
         return point
     return Quadruple(
-        point.object_class, vocabulary.members(point.object_class)[0], point.anchor_class, point.anchor
+        point.object_class,
+        vocabulary.members(point.object_class)[0],
+        point.anchor_class,
+        point.anchor,
     )
 
 
 def _case_operator(
-    vocabulary: NetVocabulary, transition: Transition, name: str, case: Sequence[Octuple], meanings: Meant
+    vocabulary: NetVocabulary,
+    transition: Transition,
+    name: str,
+    case: Sequence[Octuple],
+    meanings: Meant,
 ) -> OperatorText:
     operator_text = OperatorText(name)
     changed, *other_contacts = case
-    ends = [vocabulary.point(point, operator_text.variables) for point in (changed.first, changed.second)]
+    ends = [
+        vocabulary.point(point, operator_text.variables)
+        for point in (changed.first, changed.second)
+    ]
     contact, voids = f"contact({ends[0]}, {ends[1]})", [f"void({point})" for point in ends]
     if transition.makes:
         operator_text.preconditions += voids
@@ -276,7 +315,8 @@ def _case_operator(
             operator_text.preconditions.append(f"void({point})")
         else:
             operator_text.preconditions.append(
-                f"contact({point}, {vocabulary.point(contact_beside.second, operator_text.variables)})"
+                f"contact({point}, "
+                f"{vocabulary.point(contact_beside.second, operator_text.variables)})"
             )
     operator_text.where += _distinctness(operator_text.variables)
     for meaning, terms in meanings:
@@ -293,19 +333,28 @@ def _distinctness(variables: dict[str, str]) -> Iterator[str]:
     names = [name for name, type_ in variables.items() if not type_.endswith("_mark")]
     for n, first in enumerate(names):
         yield from (
-            f"{first} != {second}" for second in names[n + 1 :] if variables[first] == variables[second]
+            f"{first} != {second}"
+            for second in names[n + 1 :]
+            if variables[first] == variables[second]
         )
 
 
 def _waited_settings(vocabulary: NetVocabulary, transition: Transition) -> Iterator[str]:
-    """The settings of joints that a transition waits for. Sensors and clocks are looked at when the plan runs."""
+    """The settings of joints that a transition waits for.
+
+    Sensors and clocks are looked at when the plan runs.
+    """
     for restriction in transition.restrictions:
         if restriction.kind is ConditionKind.JOINT:
-            yield joint_setting_fact(vocabulary.model.permanent[restriction.subject], restriction.value)
+            yield joint_setting_fact(
+                vocabulary.model.permanent[restriction.subject], restriction.value
+            )
 
 
 def _looked_at(transition: Transition) -> Iterator[str]:
-    """The readings of sensors and clocks that are looked at when a step of the transition begins."""
+    """The readings of sensors and clocks that are looked at when a step of the transition
+    begins.
+    """
     for restriction in transition.restrictions:
         if restriction.kind is not ConditionKind.JOINT:
             yield gauge_reading_fact(restriction)
@@ -359,7 +408,9 @@ def _joint_operators(net: ContactNet, vocabulary: NetVocabulary) -> Iterator[Ope
         for first in joint.settings:
             for second in joint.settings:
                 if first != second:
-                    yield from _setting_operators(net, vocabulary, joint, by_hand[name], (first, second))
+                    yield from _setting_operators(
+                        net, vocabulary, joint, by_hand[name], (first, second)
+                    )
 
 
 def _setting_operators(
@@ -378,7 +429,10 @@ def _setting_operators(
         yield OperatorText(name, {}, [], [first], [second], [first])
     for number, contact in enumerate(grips, 1):
         operator_text = OperatorText(name if len(grips) == 1 else f"{name}_{number}")
-        ends = [vocabulary.point(point, operator_text.variables) for point in (contact.first, contact.second)]
+        ends = [
+            vocabulary.point(point, operator_text.variables)
+            for point in (contact.first, contact.second)
+        ]
         operator_text.preconditions += [f"contact({ends[0]}, {ends[1]})", first]
         operator_text.adds.append(second)
         operator_text.deletes.append(first)
@@ -403,7 +457,9 @@ def _grip_contacts(
     yield from seen
 
 
-def _held_handle(contact: Octuple, handles: Sequence[str], objects: "dict[str, str] | object") -> Octuple:
+def _held_handle(
+    contact: Octuple, handles: Sequence[str], objects: "dict[str, str] | object"
+) -> Octuple:
     """The contact with the name of the handle, which is one object."""
     assert isinstance(objects, dict)
 
@@ -421,4 +477,10 @@ def _held_handle(contact: Octuple, handles: Sequence[str], objects: "dict[str, s
     return Octuple(named(contact.first), named(contact.second))
 
 
-__all__ = ["OperatorText", "atom_with_terms", "joint_setting_fact", "net_operators", "object_templates"]
+__all__ = [
+    "OperatorText",
+    "atom_with_terms",
+    "joint_setting_fact",
+    "net_operators",
+    "object_templates",
+]

@@ -1,8 +1,9 @@
 """Checkpoints: journal records from which a run is resumed without reading those before them.
 
-A checkpoint says how far the plan is. When a third of the steps is done that the journal holds of a long plan, records before it
-hold those that are left, page by page, so what has to be read depends on what is left to do, not on how long the journal is. What was done
-before, and may matter to the fault base, is in the chain of the checkpoints.
+A checkpoint says how far the plan is. When a third of the steps is done that the journal holds of a
+long plan, records before it hold those that are left, page by page, so what has to be read depends
+on what is left to do, not on how long the journal is. What was done before, and may matter to the
+fault base, is in the chain of the checkpoints.
 """
 
 from collections.abc import Iterable, Iterator
@@ -48,7 +49,9 @@ def state_of(course: RunProgress) -> dict[str, Any]:
         "number": standing.number,
         "shares": list(course.accuracy.shares),
         "unrested": sorted(standing.unrested),
-        "since": [[str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts],
+        "since": [
+            [str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts
+        ],
         "before": written.checkpoint,
         "history": [_work_entry(work) for work in course.history[written.history :]],
         **({} if course.paths is None else course.paths.entry()),
@@ -56,9 +59,11 @@ def state_of(course: RunProgress) -> dict[str, Any]:
 
 
 def remaining_pages(course: RunProgress) -> Iterator[dict[str, Any]]:
-    """What is left of a long plan, page by page; nothing as long as most of what the journal holds of it is left.
+    """What is left of a long plan, page by page; nothing as long as most of what the journal holds
+    of it is left.
 
-    The last page is as the record of a plan, with the number of the record that has all of it, and how many pages are before it.
+    The last page is as the record of a plan, with the number of the record that has all of it, and
+    how many pages are before it.
     """
     if not REWRITTEN_PART * len(course.written.done) >= course.written.steps >= MIN_PAGED_STEPS:
         return
@@ -73,11 +78,20 @@ def remaining_pages(course: RunProgress) -> Iterator[dict[str, Any]]:
     while following := list(islice(step_pages, STEPS_PER_PAGE)):
         yield {"steps": page}
         page, pages = following, pages + 1
-    yield {**head, "steps": page, "pages": pages, **order_entry(course.compiled, course.done, ended)}
+    yield {
+        **head,
+        "steps": page,
+        "pages": pages,
+        **order_entry(course.compiled, course.done, ended),
+    }
 
 
 def _work_entry(work: StepAchievement) -> list[Any]:
-    return [str(work.step), [*map(str, work.added)], [[chain, n, str(atom)] for chain, n, atom in work.moved]]
+    return [
+        str(work.step),
+        [*map(str, work.added)],
+        [[chain, n, str(atom)] for chain, n, atom in work.moved],
+    ]
 
 
 def number_ranges(numbers: Iterable[int]) -> Iterator[tuple[int, int]]:
@@ -107,7 +121,9 @@ def past_of(journal: Journal, run: str, past: PastRun) -> PastRun:
 
 
 def _last_state(journal: Journal, run: str) -> int:
-    """The number of the last checkpoint; 0 if there is none. Pages of a plan behind it, which nothing refers to yet, are none."""
+    """The number of the last checkpoint; 0 if there is none. Pages of a plan behind it, which
+    nothing refers to yet, are none.
+    """
     number = journal.last(run, RecordKind.CHECKPOINT.value)
     while number and "state" not in _journal_line(journal, run, number).content:
         number = journal.last(run, RecordKind.CHECKPOINT.value, before=number)
@@ -151,7 +167,9 @@ def _recorded_plan(journal: Journal, run: str, number: int) -> dict[str, Any]:
     rest = dict(line.content["rest"])
     if pages := rest.pop("pages", 0):
         before = islice(journal.lines(run, number - 1 - pages), pages)
-        rest["steps"] = [step for page in before for step in page.content["rest"]["steps"]] + rest["steps"]
+        rest["steps"] = [step for page in before for step in page.content["rest"]["steps"]] + rest[
+            "steps"
+        ]
     return rest
 
 
@@ -170,7 +188,9 @@ def _recorded_history(journal: Journal, run: str, number: int) -> list[StepAchie
     for step, added, moved in (work for part in reversed(parts) for work in part):
         moves = [(chain, n, read_ground_atom(atom)) for chain, n, atom in moved]
         achievements.append(
-            achievement_of(len(achievements) + 1, read_ground_atom(step), map(read_ground_atom, added), moves)
+            achievement_of(
+                len(achievements) + 1, read_ground_atom(step), map(read_ground_atom, added), moves
+            )
         )
     return achievements
 

@@ -9,7 +9,11 @@ from cellwright.engine.model.time_limits import Stay
 from cellwright.engine.stages.execution import Activity, ActivityProgram, Dwell
 from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation, StepChange
 from cellwright.engine.stages.lifted.lifted_execution import changes_of
-from cellwright.engine.stages.scheduling.plan_blocks import Unstructured, arm_resource, contains_term
+from cellwright.engine.stages.scheduling.plan_blocks import (
+    Unstructured,
+    arm_resource,
+    contains_term,
+)
 from cellwright.kb.model.conditions import Literal, goal_parts
 from cellwright.kb.model.domain_model import Command, Domain, Operator
 from cellwright.kb.model.plan_model import Plan, Step, StepId
@@ -24,10 +28,12 @@ PERSON_STREAM = "person"  # the stream of steps for a person
 
 @dataclass(frozen=True)
 class CompiledProgram:
-    """A program, the plan behind it, and what each step changes, in whatever of the plan's orders they are done.
+    """A program, the plan behind it, and what each step changes, in whatever of the plan's orders
+    they are done.
 
-    Steps that interfere are ordered, so what one of them changes does not depend on the others' order. `planned` gives the plan:
-    a run that goes on from its journal reads it only when something needs it.
+    Steps that interfere are ordered, so what one of them changes does not depend on the others'
+    order. `planned` gives the plan: a run that goes on from its journal reads it only when
+    something needs it.
     """
 
     program: ActivityProgram
@@ -56,7 +62,10 @@ def compile_plan(
     timed: bool = False,
     situation: Situation | None = None,
 ) -> CompiledProgram:
-    """The program of a plan from the problem's initial state on. Forecast starts count from `begin_ms`."""
+    """The program of a plan from the problem's initial state on.
+
+    Forecast starts count from `begin_ms`.
+    """
     unit = unit_ms(problem.domain)
     start = situation or initial_situation(problem)
     ordered = tuple(plan.steps)
@@ -76,14 +85,19 @@ def compile_plan(
         process = bool(hands) and not hands.intersection(activity.resources)
         activities[number] = replace(activity, rests=number in rests, process=process)
     dwells = tuple(
-        dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
+        dict.fromkeys(
+            Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays
+        )
     )
     program = ActivityProgram(activities, dwells, timed, hands=hands)
     return CompiledProgram(program, partial(_known_plan, plan), changes, expects, results)
 
 
 def _known_plan(plan: Plan) -> Plan:
-    """A plan that need not be read. It has a name so that a program can be sent to another process."""
+    """A plan that need not be read.
+
+    It has a name so that a program can be sent to another process.
+    """
     return plan
 
 
@@ -111,16 +125,23 @@ def _activity_of(
 
 
 def activity_alone(domain: Domain, step: Step) -> tuple[Activity, Term]:
-    """A step that belongs to no program, as an activity, and the pattern of a normal reply to it."""
+    """A step that belongs to no program, as an activity, and the pattern of a normal reply to
+    it.
+    """
     operator = next(
         (candidate for candidate in domain.operators if candidate.name == step.operator.name), None
     )
     command = _command_of(operator, step)
-    return _activity_of(step, operator, command, 0, int(step.duration * unit_ms(domain))), command.reply
+    return _activity_of(
+        step, operator, command, 0, int(step.duration * unit_ms(domain))
+    ), command.reply
 
 
 def with_queues(compiled: CompiledProgram, lookahead: Callable[[str], int]) -> CompiledProgram:
-    """The program with the queues that devices have. `lookahead` tells how many commands a stream takes at once."""
+    """The program with the queues that devices have.
+
+    `lookahead` tells how many commands a stream takes at once.
+    """
     program = compiled.program
     streams = {a.stream for a in program.activities.values() if not a.process}
     depths = {stream: lookahead(stream) for stream in sorted(streams)}
@@ -146,7 +167,11 @@ def hands_of(problem: Problem, steps: Sequence[Step]) -> frozenset[str]:
     resources_held = {str(resource) for step in steps for resource in step.resources}
     return frozenset(
         {arm}
-        | {resource for resource in resources_held if resource in types and types[resource] == types.get(arm)}
+        | {
+            resource
+            for resource in resources_held
+            if resource in types and types[resource] == types.get(arm)
+        }
     )
 
 
@@ -161,15 +186,23 @@ def resting_steps(
 ) -> frozenset[int]:
     """The steps after which none of their hands holds anything, and those that reach a goal."""
     grip = _HandsOfPlan.of(problem, steps)
-    goals = [part.atom for part in goal_parts(problem.goal) if isinstance(part, Literal) and part.positive]
-    goals += [part for chain in problem.chains for stage in chain.stages for part in stage_parts(stage)]
+    goals = [
+        part.atom
+        for part in goal_parts(problem.goal)
+        if isinstance(part, Literal) and part.positive
+    ]
+    goals += [
+        part for chain in problem.chains for stage in chain.stages for part in stage_parts(stage)
+    ]
     holding = grip.held(here.state)
     numbers = set()
     for step in steps:
         change = changes[int(step.id)]
         holding = (holding - set(change.ends)) | grip.held(change.adds)
         added = (*change.adds, *change.events)
-        reached = any(reaches_stage(atom, goal) for atom in added for goal in goals if atom.name == goal.name)
+        reached = any(
+            reaches_stage(atom, goal) for atom in added for goal in goals if atom.name == goal.name
+        )
         if reached or grip.full(holding).isdisjoint(map(str, step.resources)):
             numbers.add(int(step.id))
     return frozenset(numbers)
@@ -186,7 +219,9 @@ class _HandsOfPlan:
     def of(cls, problem: Problem, steps: Sequence[Step]) -> "_HandsOfPlan":
         """The hands and the things of a plan."""
         hands = frozenset(Function(name) for name in hands_of(problem, steps))
-        return cls(hands, frozenset(resource for step in steps for resource in step.resources) - hands)
+        return cls(
+            hands, frozenset(resource for step in steps for resource in step.resources) - hands
+        )
 
     def held(self, atoms: Iterable[Atom]) -> frozenset[Atom]:
         """Those of the facts that say that a thing is in a hand."""
@@ -205,9 +240,11 @@ class _HandsOfPlan:
 
 
 def stream_of(stream_term: Term, step: Step) -> str:
-    """The stream of a command: its name, with the arguments that the step holds, which say which device it is.
+    """The stream of a command: its name, with the arguments that the step holds, which say which
+    device it is.
 
-    What else is in brackets is what the device is told: `path_planner(Arm)` is a device for each arm, `arm(open_drawer)` is not.
+    What else is in brackets is what the device is told: `path_planner(Arm)` is a device for each
+    arm, `arm(open_drawer)` is not.
     """
     if not isinstance(stream_term, Function):
         return str(stream_term)
@@ -221,7 +258,8 @@ def looks_of(operator: Operator | None, step: Step) -> tuple[tuple[str, ...], tu
         return (), ()
     binding = dict(zip(operator.variables, step.operator.arguments, strict=True))
     facts = [
-        (str(substitute_term(condition.fact, binding)), condition.during) for condition in operator.online
+        (str(substitute_term(condition.fact, binding)), condition.during)
+        for condition in operator.online
     ]
     return tuple(fact for fact, _ in facts), tuple(fact for fact, during in facts if during)
 
@@ -230,17 +268,23 @@ def _device_text(command_term: Term, stream: str) -> str:
     """What the device is told beside its name."""
     if not isinstance(command_term, Function):
         return ""
-    return ", ".join(str(argument) for argument in command_term.arguments if str(argument) not in stream)
+    return ", ".join(
+        str(argument) for argument in command_term.arguments if str(argument) not in stream
+    )
 
 
 def _command_of(operator: Operator | None, step: Step) -> Command:
-    """The command of a step; where the domain declares none, its first resource is the device, and the step what it is told."""
+    """The command of a step; where the domain declares none, its first resource is the device,
+    and the step what it is told.
+    """
     if operator is None or operator.command is None:
         device = step.resources[0] if step.resources else Function("cell")
         return Command(Function(str(device), (step.operator,)), Function("done"))
     binding = dict(zip(operator.variables, step.operator.arguments, strict=True))
     command_term = operator.command
-    result = substitute_term(command_term.result, binding) if command_term.result is not None else None
+    result = (
+        substitute_term(command_term.result, binding) if command_term.result is not None else None
+    )
     return replace(
         command_term,
         stream=substitute_term(command_term.stream, binding),

@@ -62,7 +62,10 @@ MAX_TEST_EXPANSIONS = 20_000  # of the search for the next test
 
 @dataclass(frozen=True, slots=True)
 class GivesUp:
-    """There is no way on, and why. `stops` says that the cell is left in a safe stop for a person; else nothing is left to do."""
+    """There is no way on, and why.
+
+    `stops` says that the cell is left in a safe stop for a person; else nothing is left to do.
+    """
 
     why: str
     stops: bool = True
@@ -80,7 +83,10 @@ class ExceptionHandler:
     story: list[str] = field(default_factory=list)
 
     def handle(self, failures: Sequence[Failure]) -> ReadyPlan | GivesUp:
-        """How the run goes on after failures. The first is looked into; the others show again if their causes are there."""
+        """How the run goes on after failures.
+
+        The first is looked into; the others show again if their causes are there.
+        """
         failure = failures[0]
         step = self.course.replies.step(failure.activity)
         done = frozenset(StepId(number) for number in self.course.done)
@@ -88,9 +94,18 @@ class ExceptionHandler:
         return self.handled(step, failure.activity, failure.number, failure.reply, rest_plan)
 
     def handled(
-        self, step: Function, activity: int | None, number: int, reply: str, left: Plan | None, depth: int = 0
+        self,
+        step: Function,
+        activity: int | None,
+        number: int,
+        reply: str,
+        left: Plan | None,
+        depth: int = 0,
     ) -> ReadyPlan | GivesUp:
-        """How the run goes on after a step got a bad reply. `left` are the steps that were left of the plan."""
+        """How the run goes on after a step got a bad reply.
+
+        `left` are the steps that were left of the plan.
+        """
         exception = exception_of(self.base, step, reply)
         self.course.recorder.note(
             RecordKind.EXCEPTION,
@@ -104,11 +119,15 @@ class ExceptionHandler:
         if reply == REPLY_TIMEOUT and activity is not None and left is not None:
             explanation = cleared_up(self.course, step, activity, number)
             if explanation:
-                return self._goes_on_after_silence(explanation, exception or REPLY_TIMEOUT, step, left)
+                return self._goes_on_after_silence(
+                    explanation, exception or REPLY_TIMEOUT, step, left
+                )
         if by_another_way(self.course, reply):
             return self._by_another_way(step, reply, left)
         if "diagnosis" not in self.scope.problem.domain.tools:
-            return GivesUp(f"{step} was answered '{reply}', and the domain's tools are without diagnosis")
+            return GivesUp(
+                f"{step} was answered '{reply}', and the domain's tools are without diagnosis"
+            )
         if self.base is None or exception is None:
             return GivesUp(f"{step} was answered '{reply}', and {nobody_knows(reply)}")
         seen = self._seen(exception, step)
@@ -139,7 +158,9 @@ class ExceptionHandler:
         return self._from_now(recovery.problem, recovery.outcome.plan)
 
     def _by_another_way(self, step: Function, reply: str, left: Plan | None) -> ReadyPlan | GivesUp:
-        """Plan anew with motion, from where the arm stands, in the cell as it is believed to be now."""
+        """Plan anew with motion, from where the arm stands, in the cell as it is believed to be
+        now.
+        """
         if self._seen(reply, step) > MAX_EXCEPTION_REPEATS:
             return GivesUp(f"{step} is {reply} for the {MAX_EXCEPTION_REPEATS + 1}th time")
         state = self.course.world.state
@@ -158,15 +179,21 @@ class ExceptionHandler:
 
     def _from_now(self, problem: Problem, plan: Plan) -> ReadyPlan:
         """The program of a plan from now on."""
-        return schedule_again(problem, plan, self.course.driver.now_ms(), self.limits, self.course.since)
+        return schedule_again(
+            problem, plan, self.course.driver.now_ms(), self.limits, self.course.since
+        )
 
-    def _case(self, exception: str, step: Function, left: Plan | None, depth: int) -> ReadyPlan | GivesUp:
+    def _case(
+        self, exception: str, step: Function, left: Plan | None, depth: int
+    ) -> ReadyPlan | GivesUp:
         assert self.base is not None
         world = self.course.world.state
         moment = ExceptionMoment(
             self.scope.problem, self.scope.rest(world), world, tuple(self.course.history), left
         )
-        case = CaseSettings(self.base, exception, step, CaseObjective.REPAIR, expansions=MAX_TEST_EXPANSIONS)
+        case = CaseSettings(
+            self.base, exception, step, CaseObjective.REPAIR, expansions=MAX_TEST_EXPANSIONS
+        )
         desk = case_from_settings(case, self.scope.problem.domain, moment)
         try:
             diagnosis = self._looked_into(desk)
@@ -175,22 +202,31 @@ class ExceptionHandler:
         except CommandInterruption as interruption:
             _take_steps(desk, interruption.taken)
             believed = (
-                CaseFindings(desk.beliefs, desk.session.diagnosis()).believed if desk.beliefs else world
+                CaseFindings(desk.beliefs, desk.session.diagnosis()).believed
+                if desk.beliefs
+                else world
             )
-            self._believe(believed, f"while {exception} was looked into, {interruption.step} failed")
-            self.story.append(f"{step}: {exception}; while it was looked into, {interruption.step} failed")
+            self._believe(
+                believed, f"while {exception} was looked into, {interruption.step} failed"
+            )
+            self.story.append(
+                f"{step}: {exception}; while it was looked into, {interruption.step} failed"
+            )
             return self.handled(
                 interruption.step, None, interruption.number, interruption.reply, None, depth + 1
             )
         except InvalidInput as error:  # what was found contradicts what was believed
             message = error.diagnostics[0].message
             return GivesUp(
-                f"{exception} at {step}: what is known of the cell now contradicts itself: {message}"
+                f"{exception} at {step}: what is known of the cell now contradicts itself: "
+                f"{message}"
             )
         return self._goes_on(exception, diagnosis, recovery, world)
 
     def _looked_into(self, desk: DiagnosisCase) -> CaseDiagnosis:
-        """The end of a case. A test that cannot be prepared, or that nobody answers, is left out, and others are tried."""
+        """The end of a case. A test that cannot be prepared, or that nobody answers, is left
+        out, and others are tried.
+        """
         unable: list[str] = []
 
         def answer(action: Action, advice: CaseAdvice) -> str | None:
@@ -206,14 +242,19 @@ class ExceptionHandler:
             desk.session.leave_out(unable[0])
 
     def _recovered(self, desk: DiagnosisCase, made: CaseDiagnosis) -> RecoveryResult:
-        """The recovery, after the repair with which it begins. One that does not help is not tried again."""
+        """The recovery, after the repair with which it begins.
+
+        One that does not help is not tried again.
+        """
         while (first := (recovery := desk.recover(made, limits=self.limits)).repair) is not None:
             self._prepare(first.prepared.steps)
             if self._act(desk, first.name, (CURED, NOT_CURED)) == CURED:
                 break
             assert desk.beliefs is not None
             desk.beliefs.carried_out(first.name, NOT_CURED, first.prepared)
-            made = replace(made, repairs=tuple(repair for repair in made.repairs if repair != first.name))
+            made = replace(
+                made, repairs=tuple(repair for repair in made.repairs if repair != first.name)
+            )
         return recovery
 
     def _goes_on(
@@ -250,9 +291,15 @@ class ExceptionHandler:
             )
 
     def _spoils(self, gone: Iterable[Atom], why: str) -> dict[str, list[list[str]]]:
-        """The measurements among facts that a cause has ended: their values do not count any more."""
-        spoilt_names = spoilt_measurements(gone, self.course.measured) if self.course.measured else []
-        self.course.spoilt += spoilt_in([({"spoils": spoilt_names, "why": why}, self.course.driver.now_ms())])
+        """The measurements among facts that a cause has ended: their values do not count any
+        more.
+        """
+        spoilt_names = (
+            spoilt_measurements(gone, self.course.measured) if self.course.measured else []
+        )
+        self.course.spoilt += spoilt_in(
+            [({"spoils": spoilt_names, "why": why}, self.course.driver.now_ms())]
+        )
         return {"spoils": spoilt_names} if spoilt_names else {}
 
     def _diagnosed(self, made: CaseDiagnosis, step: Function) -> None:
@@ -271,7 +318,10 @@ class ExceptionHandler:
         )
 
     def _answer(self, desk: DiagnosisCase, action: Action, advice: CaseAdvice) -> str | None:
-        """What a test, a repair or a person answers, after what prepares it. Raises `Interruption` if a step fails."""
+        """What a test, a repair or a person answers, after what prepares it.
+
+        Raises `Interruption` if a step fails.
+        """
         session = desk.session
         prepared = session.prepared if action.name != QUESTION else None
         if prepared is not None and not self._is_prepared(desk, prepared.steps):
@@ -297,7 +347,10 @@ class ExceptionHandler:
         return performed.reply if performed.reply in outcomes else None
 
     def _is_prepared(self, desk: DiagnosisCase, steps: Sequence[Step]) -> bool:
-        """Whether the steps that prepare a test work. Raises `Interruption` if one fails in a way that the fault base knows."""
+        """Whether the steps that prepare a test work.
+
+        Raises `Interruption` if one fails in a way that the fault base knows.
+        """
         try:
             self._prepare(steps)
         except CommandInterruption as interruption:
@@ -308,13 +361,18 @@ class ExceptionHandler:
         return True
 
     def _prepare(self, steps: Sequence[Step]) -> None:
-        """Carry out the steps that prepare a test or a repair, one after another. Raises `Interruption`."""
+        """Carry out the steps that prepare a test or a repair, one after another.
+
+        Raises `Interruption`.
+        """
         for number, step in enumerate(steps):
             activity, expected = activity_alone(self.scope.problem.domain, step)
             performed = perform_command(self.course, command_of(0, activity))
             if match_reply(expected, performed.reply) is None:
                 taken = tuple(step.operator for step in steps[:number])
-                raise CommandInterruption(step.operator, performed.command.number, performed.reply, taken)
+                raise CommandInterruption(
+                    step.operator, performed.command.number, performed.reply, taken
+                )
 
 
 def _belief_reason(exception: str, diagnosis: CaseDiagnosis) -> str:

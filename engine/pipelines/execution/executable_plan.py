@@ -25,7 +25,8 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Term
 
 RESCHEDULE_WORK_S = 1.0  # of the scheduler for a recovery, about seconds of one core
-MAX_RESCHEDULED_STEPS = 120  # steps of a recovery that are scheduled anew; longer ones keep their order
+# steps of a recovery that are scheduled anew; longer ones keep their order
+MAX_RESCHEDULED_STEPS = 120
 
 Since = Mapping[
     Atom, int
@@ -48,9 +49,13 @@ class ReadyPlan:
 
 
 def first_plan(
-    problem: Problem, limits: SearchLimits = SearchLimits(), outcome: Outcome | None = None, store: str = ""
+    problem: Problem,
+    limits: SearchLimits = SearchLimits(),
+    outcome: Outcome | None = None,
+    store: str = "",
 ) -> ReadyPlan | Outcome:
-    """The first program of a run, or why there is none. `outcome` is a plan that is known already. Raises `InvalidInput`.
+    """The first program of a run, or why there is none. `outcome` is a plan that is known already.
+    Raises `InvalidInput`.
 
     What is learned of plans is kept in `store`, if one is given.
     """
@@ -59,7 +64,9 @@ def first_plan(
     planned = choose_and_plan(problem, limits, store, outcome)
     if not isinstance(planned.outcome, Found):
         return planned.outcome
-    return replace(compile_ready_plan(problem, planned.outcome.plan, planned.starts, 0), notes=planned.notes)
+    return replace(
+        compile_ready_plan(problem, planned.outcome.plan, planned.starts, 0), notes=planned.notes
+    )
 
 
 def schedule_again(
@@ -70,7 +77,8 @@ def schedule_again(
     since: Since = NO_TIMES,
     busy: Mapping[Term, int] = NOTHING_BUSY,
 ) -> ReadyPlan:
-    """The program of a plan that was made while the run goes on. `since` says when facts became true.
+    """The program of a plan that was made while the run goes on. `since` says when facts became
+    true.
 
     What is `busy` with steps under way is free after so many of the domain's units of time.
     """
@@ -82,7 +90,12 @@ def schedule_again(
     if len(plan.steps) <= MAX_RESCHEDULED_STEPS:
         work = ScheduleLimits(RESCHEDULE_WORK_S, limits.seed, interrupted=limits.interrupted)
         timetable = time_plan(
-            problem, task_for(problem, plan), plan, work, busy, int(begin_ms // unit_ms(problem.domain))
+            problem,
+            task_for(problem, plan),
+            plan,
+            work,
+            busy,
+            int(begin_ms // unit_ms(problem.domain)),
         )
         if isinstance(timetable, Timetable):
             plan, starts = timetable.plan, timetable.starts
@@ -90,11 +103,16 @@ def schedule_again(
 
 
 def in_windows(
-    problem: Problem, plan: Plan, begin_ms: int, since: Since, busy: Mapping[Term, int] = NOTHING_BUSY
+    problem: Problem,
+    plan: Plan,
+    begin_ms: int,
+    since: Since,
+    busy: Mapping[Term, int] = NOTHING_BUSY,
 ) -> ReadyPlan | None:
     """The program of a plan whose measurements wait for their windows; None if they have none.
 
-    Windows count from the start of the tour, which may be under way. Those that are missed are told in a note.
+    Windows count from the start of the tour, which may be under way. Those that are missed are told
+    in a note.
     """
     wishes, unit = wishes_for(PlanGate().semantics(problem), plan), unit_ms(problem.domain)
     if not wishes.windows:
@@ -107,7 +125,9 @@ def in_windows(
     shift = 0 if began is None else begin - began
     late = {name: at + shift for name, at in timetable.missed.items()}
     notes = (missed_windows_text(late, problem.domain.time_unit),) if late else ()
-    return replace(compile_ready_plan(problem, plan, timetable.starts, begin_ms, since=since), notes=notes)
+    return replace(
+        compile_ready_plan(problem, plan, timetable.starts, begin_ms, since=since), notes=notes
+    )
 
 
 def compile_ready_plan(
@@ -118,7 +138,9 @@ def compile_ready_plan(
     here: Situation | None = None,
     since: Since = NO_TIMES,
 ) -> ReadyPlan:
-    """The program of a plan with its forecast; without `starts`, every step is as early as the plan's order allows."""
+    """The program of a plan with its forecast; without `starts`, every step is as early as the
+    plan's order allows.
+    """
     from cellwright.engine.model.plan_times import earliest_starts
 
     times = dict(starts) if starts is not None else earliest_starts(plan)

@@ -51,13 +51,18 @@ class FurtherPlan:
 
 
 def datums_first(first_plan: ReadyPlan, scope: RunScope) -> tuple[ReadyPlan, RunScope]:
-    """A plan that ends with the datums of the part, if it has such; else the whole plan. What comes behind is planned when they are measured."""
+    """A plan that ends with the datums of the part, if it has such; else the whole plan.
+
+    What comes behind is planned when they are measured.
+    """
     stage = first_stage(first_plan, scope)
     if stage is None:
         return first_plan, scope
     plan, narrow = stage
     starts = {step.id: first_plan.starts[step.id] for step in plan.steps}
-    return replace(compile_ready_plan(scope.problem, plan, starts, 0), notes=first_plan.notes), narrow
+    return replace(
+        compile_ready_plan(scope.problem, plan, starts, 0), notes=first_plan.notes
+    ), narrow
 
 
 def measured_in(lines: Iterable[JournalLine]) -> list[Measured]:
@@ -76,11 +81,15 @@ def _measured_value(line: JournalLine) -> Measured:
         line.at_ms,
     )
     sure = (content.get("uncertainty"), content.get("risk"))
-    return Measured(content["of"], content["quantity"], content["value"], content["unit"], *numbers, *sure)
+    return Measured(
+        content["of"], content["quantity"], content["value"], content["unit"], *numbers, *sure
+    )
 
 
 def scope_of_located_part(whole: Problem, scope: RunScope, content: Mapping[str, Any]) -> RunScope:
-    """The scope for all of a problem with its part where a record says, without what is lost or was given up."""
+    """The scope for all of a problem with its part where a record says, without what is lost or
+    was given up.
+    """
     located = RunScope(move_points(whole, lying_of(content, content["at_ms"])), scope.given_up)
     return located.changed(
         Revision(lost=scope.lost, blocked=tuple((pattern, "") for pattern in scope.blocked))
@@ -89,7 +98,10 @@ def scope_of_located_part(whole: Problem, scope: RunScope, content: Mapping[str,
 
 @dataclass
 class Inspector:
-    """Follows one inspection. `entry` is the record that says where the part lies; empty as long as that is not known."""
+    """Follows one inspection.
+
+    `entry` is the record that says where the part lies; empty as long as that is not known.
+    """
 
     entry: dict[str, Any] = field(default_factory=dict)
     rounds: int = 0
@@ -106,7 +118,9 @@ class Inspector:
     def onward(
         self, problem: Problem, course: RunProgress, handler: ExceptionHandler, limits: SearchLimits
     ) -> FurtherPlan | GivesUp | None:
-        """What an inspection goes on with at the end of a plan; None if it is over. The scope of the handler is set to it."""
+        """What an inspection goes on with at the end of a plan; None if it is over. The scope
+        of the handler is set to it.
+        """
         if not any(value.uncertainty for value in course.values):
             return None
         if not self.entry and datums_asked(problem):
@@ -137,7 +151,9 @@ class Inspector:
         handler.scope = scope_of_located_part(problem, handler.scope, self.entry)
         wrong: Sequence[str] = list(map(str, self.entry["wrong"]))
         _reopen_facts(course, wrong, problem, "these datums disagree with the others")
-        return self._planned(course, handler, handler.scope.rest(course.world.state), limits, ALIGNED)
+        return self._planned(
+            course, handler, handler.scope.rest(course.world.state), limits, ALIGNED
+        )
 
     def _looked_at_again(
         self,
@@ -147,7 +163,9 @@ class Inspector:
         handler: ExceptionHandler,
         limits: SearchLimits,
     ) -> FurtherPlan | GivesUp:
-        """Measure datums once more, because the part is not known as well as it has to be; or give up if that would not help."""
+        """Measure datums once more, because the part is not known as well as it has to be; or
+        give up if that would not help.
+        """
         if looks.refused:
             course.recorder.note(RecordKind.ALIGNMENT, part=[], wrong=[], why=looks.refused)
             return GivesUp(looks.refused, stops=False)
@@ -171,7 +189,9 @@ class Inspector:
         if repeat is None:
             return None
         if repeat.left and repeat.left != self.told:
-            course.recorder.note(RecordKind.DECISION, what="some features stay undecided", why=repeat.left)
+            course.recorder.note(
+                RecordKind.DECISION, what="some features stay undecided", why=repeat.left
+            )
             self.told = repeat.left
         if not repeat.names:
             return None
@@ -189,7 +209,12 @@ class Inspector:
         return made_ if isinstance(made_, FurtherPlan) else None
 
     def _planned(
-        self, course: RunProgress, handler: ExceptionHandler, rest: Problem, limits: SearchLimits, why: str
+        self,
+        course: RunProgress,
+        handler: ExceptionHandler,
+        rest: Problem,
+        limits: SearchLimits,
+        why: str,
     ) -> FurtherPlan | GivesUp:
         """The plan for what is left. What cannot be reached is given up."""
         now, since = course.driver.now_ms(), course.since
@@ -213,8 +238,12 @@ class Inspector:
 def _diagnose_misfit(
     course: RunProgress, handler: ExceptionHandler, wrong: Sequence[str], why: str
 ) -> FurtherPlan | GivesUp:
-    """Have it found out why the datums fit nowhere: by the fault base, about the last of those that disagree."""
-    last = next((e for e in reversed(course.values) if not wrong or e.of in wrong), course.values[-1])
+    """Have it found out why the datums fit nowhere: by the fault base, about the last of those
+    that disagree.
+    """
+    last = next(
+        (e for e in reversed(course.values) if not wrong or e.of in wrong), course.values[-1]
+    )
     handled = handler.handled(read_ground_atom(last.action), None, 0, DATUMS_MISFIT, None)
     if isinstance(handled, GivesUp):
         return GivesUp(f"{why}; {handled.why}", handled.stops)
@@ -229,7 +258,11 @@ def _reopen_facts(course: RunProgress, names: Sequence[str], problem: Problem, w
     facts = frozenset(course.world.facts) - set(gone)
     course.world.become(replace(course.world.state, facts=facts))
     course.recorder.note(
-        RecordKind.WORLD, why=why, adds=[], ends=sorted(map(str, gone)), reached=dict(course.world.reached)
+        RecordKind.WORLD,
+        why=why,
+        adds=[],
+        ends=sorted(map(str, gone)),
+        reached=dict(course.world.reached),
     )
 
 

@@ -1,8 +1,9 @@
 """Motions found from a run's journal: where arms and bodies are at any time of the run.
 
-A journal says which step was under way and since when, not how the arm went. So each step gets the motion that planning would
-give it, from where the arm was, and the motion takes the time that the step took. What the arm has met is in the way from then on; a
-step that was stopped leaves the arm where it was.
+A journal says which step was under way and since when, not how the arm went. So each step gets the
+motion that planning would give it, from where the arm was, and the motion takes the time that the
+step took. What the arm has met is in the way from then on; a step that was stopped leaves the arm
+where it was.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,7 +15,12 @@ import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.motion_values import LegKind, MovedStep, StepLeg, Unmoved
-from cellwright.engine.model.run_protocol import BODIES_SEEN, OBSTRUCTED_REPLIES, JournalRecord, RecordKind
+from cellwright.engine.model.run_protocol import (
+    BODIES_SEEN,
+    OBSTRUCTED_REPLIES,
+    JournalRecord,
+    RecordKind,
+)
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
 from cellwright.engine.pipelines.motion.arm_progress import Where
@@ -23,7 +29,10 @@ from cellwright.engine.pipelines.motion.seen_bodies import seen_in, with_seen
 from cellwright.engine.pipelines.motion.step_motion import guide_value
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.ports import GeometryBackend
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.kb.model.cell_model import Cell
 from cellwright.kb.model.plan_model import Step, StepId
 from cellwright.kb.model.planning_problem import Problem
@@ -34,7 +43,9 @@ MAX_KEPT_WORLDS = 64  # worlds, each for other facts
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TakenStep:
-    """A step that a run began with the record `number`: its motion, or why it has none, and the facts before and after it."""
+    """A step that a run began with the record `number`: its motion, or why it has none, and the
+    facts before and after it.
+    """
 
     number: int
     command: int
@@ -45,7 +56,9 @@ class TakenStep:
 
 @dataclass(eq=False)
 class Retracing:
-    """Finds the motions of the steps of a run, record by record; `number` is that of the last, `facts` what the run holds for true."""
+    """Finds the motions of the steps of a run, record by record; `number` is that of the last,
+    `facts` what the run holds for true.
+    """
 
     walk: PlanWalk
     facts: frozenset[Atom]
@@ -58,7 +71,9 @@ class Retracing:
         self._cell = self.walk.cell
 
     @classmethod
-    def of(cls, problem: Problem, cell: Cell, backend: GeometryBackend, seed: int = 0) -> "Retracing":
+    def of(
+        cls, problem: Problem, cell: Cell, backend: GeometryBackend, seed: int = 0
+    ) -> "Retracing":
         """At the start of a run of the problem."""
         walk = PlanWalk(PlanGate().semantics(problem), cell, backend, seed)
         return cls(walk, frozenset(initial_situation(problem).state))
@@ -114,7 +129,9 @@ class Retracing:
 
 @dataclass(frozen=True, eq=False)
 class StepStretch:
-    """A part of a step, from `start_s` on, in the state before it or after it; without a leg the arm rests at `q` (k,)."""
+    """A part of a step, from `start_s` on, in the state before it or after it; without a leg
+    the arm rests at `q` (k,).
+    """
 
     start_s: float
     seconds: float
@@ -124,7 +141,10 @@ class StepStretch:
 
 
 def step_stretches(motion: MovedStep) -> list[StepStretch]:
-    """The parts of a motion in their order. What is done at the place is done when the arm is in it, and before it goes out."""
+    """The parts of a motion in their order.
+
+    What is done at the place is done when the arm is in it, and before it goes out.
+    """
     legs = motion.legs
     inside = max((n for n, leg in enumerate(legs) if leg.kind is LegKind.IN), default=len(legs) - 1)
     parts, now = [], 0.0
@@ -140,7 +160,9 @@ def step_stretches(motion: MovedStep) -> list[StepStretch]:
 
 
 def configuration_at(stretch: StepStretch, seconds: float) -> Floats:
-    """The configuration (k,) of the arm so long after the start of the step; between corners the joints go evenly."""
+    """The configuration (k,) of the arm so long after the start of the step; between corners
+    the joints go evenly.
+    """
     leg = stretch.leg
     if leg is None or len(leg.path) < 2 or leg.kind is LegKind.DRIVE:
         return stretch.q
@@ -151,11 +173,15 @@ def configuration_at(stretch: StepStretch, seconds: float) -> Floats:
 
 
 class RestingCell:
-    """The cell with its bodies where facts put them, and its arms at home; the last few worlds are kept."""
+    """The cell with its bodies where facts put them, and its arms at home; the last few worlds
+    are kept.
+    """
 
     def __init__(self, cell: Cell) -> None:
         self.home = GeometricWorld.of(cell)
-        self.with_facts = lru_cache(MAX_KEPT_WORLDS)(lambda facts: world_after_facts(self.home, facts))
+        self.with_facts = lru_cache(MAX_KEPT_WORLDS)(
+            lambda facts: world_after_facts(self.home, facts)
+        )
 
 
 def world_during(resting: RestingCell, taken: TakenStep, share: float) -> GeometricWorld:
@@ -191,15 +217,21 @@ def _driven_world(
 ) -> GeometricWorld:
     """The world with the body that carries the arm a share of its way along."""
     body = _operation_body(resting.home, taken, "drives")
-    first, last = (guide_value(resting.with_facts(facts), body) for facts in (taken.before, taken.after))
+    first, last = (
+        guide_value(resting.with_facts(facts), body) for facts in (taken.before, taken.after)
+    )
     return world.guided(body, first + min(1.0, share) * (last - first))
 
 
 def tool_path(resting: RestingCell, taken: TakenStep, count: int = 60) -> Floats:
-    """Points (count, 3) that the tool of the arm passes during a step, in the world; none if nothing moves."""
+    """Points (count, 3) that the tool of the arm passes during a step, in the world; none if
+    nothing moves.
+    """
     if isinstance(taken.motion, Unmoved) or not taken.motion.legs:
         return np.zeros((0, 3))
     arm = taken.motion.legs[0].arm
     shares: Iterable[float] = np.linspace(0.0, 1.0, count)
-    poses = [world_during(resting, taken, float(share)).pose("world", f"{arm}.tool") for share in shares]
+    poses = [
+        world_during(resting, taken, float(share)).pose("world", f"{arm}.tool") for share in shares
+    ]
     return np.array([pose[:3, 3] for pose in poses])

@@ -24,17 +24,23 @@ if TYPE_CHECKING:
 
 
 def stand_again(course: RunProgress, met: Mapping[str, Any], where: Mapping[str, Any]) -> None:
-    """What was met is there, the arms are where the journal has them, and on their way in the steps that are under way."""
+    """What was met is there, the arms are where the journal has them, and on their way in the
+    steps that are under way.
+    """
     if course.paths is None:
         return
     course.paths.taken_up(met, where)
     for number, running in sorted(course.standing.running.items()):
         activity = course.compiled.program.activities[running.activity]
-        motion_refusal(course.paths, course.world.facts, course.compiled, course.standing, number, activity)
+        motion_refusal(
+            course.paths, course.world.facts, course.compiled, course.standing, number, activity
+        )
 
 
 def take_in(course: RunProgress, reply: Reply) -> None:
-    """Take in what a reply tells beside its text: bodies that were seen, and that the arm is where it was before the step."""
+    """Take in what a reply tells beside its text: bodies that were seen, and that the arm is
+    where it was before the step.
+    """
     if course.paths is None:
         return
     if reply.text == OBSTRUCTED_REPLIES:
@@ -91,7 +97,9 @@ def nobody_knows(reply: str) -> str:
 def reroute_run(
     course: RunProgress, rest: Problem, left: Plan | None, limits: SearchLimits
 ) -> "ReroutedPlan | str":
-    """A plan for what is left, from where the arm stands, in which every step moves; why there is none."""
+    """A plan for what is left, from where the arm stands, in which every step moves; why there
+    is none.
+    """
     assert course.paths is not None
     rerouted_plan = course.paths.rerouted(rest, left, course.world.state.facts, limits)
     for goal in () if isinstance(rerouted_plan, str) else rerouted_plan.given_up:

@@ -35,7 +35,8 @@ from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.terms import Atom, sort_naturally
 
-RESUME_ORIGIN = "resume"  # the origin of the order to plan on that a run gives itself when it is taken up after a safe stop
+# the origin of the order to plan on that a run gives itself when it is taken up after a safe stop
+RESUME_ORIGIN = "resume"
 MAX_EXCHANGES = 6  # of equal things that are tried for one that is due
 
 
@@ -45,7 +46,9 @@ class OrderRefused(Exception):
 
 @dataclass(frozen=True, slots=True)
 class _Pause:
-    """Where a run stands when an order comes: the world when what is under way has ended, and what is left of the plan."""
+    """Where a run stands when an order comes: the world when what is under way has ended, and
+    what is left of the plan.
+    """
 
     course: RunProgress
     scope: RunScope
@@ -59,7 +62,8 @@ def change_run(
 ) -> tuple[RunScope, JoinedProgram]:
     """The scope, and the program with its standing, after an order. Raises `Refused`.
 
-    Steps that have begun are not touched. After a further command the run does what it did before, else it goes on.
+    Steps that have begun are not touched. After a further command the run does what it did before,
+    else it goes on.
     """
     rests = course.standing.phase is RunPhase.PAUSED or given.origin == RESUME_ORIGIN
     if given.order is not OperatorCommand.ADD and not rests:
@@ -68,7 +72,9 @@ def change_run(
     try:
         new_scope, ready_plan = CHANGE_OF_ORDER[given.order](pause, given.text)
     except InvalidInput as error:
-        raise OrderRefused("; ".join(diagnostic.message for diagnostic in error.diagnostics)) from error
+        raise OrderRefused(
+            "; ".join(diagnostic.message for diagnostic in error.diagnostics)
+        ) from error
     new = join_plan(course, new_scope, ready_plan)
     if given.order is OperatorCommand.ADD:
         return new_scope, new
@@ -78,7 +84,10 @@ def change_run(
 
 
 def _named_step(pause: _Pause, text: str) -> StepId:
-    """The step of the plan that a text names: by its number, or as it is written. Raises `Refused`."""
+    """The step of the plan that a text names: by its number, or as it is written.
+
+    Raises `Refused`.
+    """
     name = text.strip().replace(" ", "")
     for step in pause.course.whole().plan.steps:
         if name in (str(step.id), str(step.operator).replace(" ", "")):
@@ -100,8 +109,13 @@ def _skip_step(pause: _Pause, text: str) -> tuple[RunScope, ReadyPlan]:
 
 
 def _change_now(pause: _Pause, step: Step) -> StepChange:
-    """What a step changes if it is done now: quantities may not have the values that they have at its turn."""
-    change, quantities = pause.course.compiled.changes[int(step.id)], pause.scope.problem.domain.quantities
+    """What a step changes if it is done now: quantities may not have the values that they have
+    at its turn.
+    """
+    change, quantities = (
+        pause.course.compiled.changes[int(step.id)],
+        pause.scope.problem.domain.quantities,
+    )
     if not any(atom.name in quantities for atom in change.adds):
         return change
     now = pause.course.world.state
@@ -111,7 +125,10 @@ def _change_now(pause: _Pause, step: Step) -> StepChange:
         uncounted = (atom for atom in own if atom.name not in quantities)
         return (*uncounted, *sort_naturally(atom for atom in new if atom.name in quantities))
 
-    adds, ends = counted(change.adds, after.facts - now.facts), counted(change.ends, now.facts - after.facts)
+    adds, ends = (
+        counted(change.adds, after.facts - now.facts),
+        counted(change.ends, now.facts - after.facts),
+    )
     return replace(change, adds=adds, ends=ends)
 
 
@@ -121,7 +138,9 @@ def _retry_rest(pause: _Pause, _text: str) -> tuple[RunScope, ReadyPlan]:
 
 
 def _go_back(pause: _Pause, text: str) -> tuple[RunScope, ReadyPlan]:
-    """Do a step again, and what comes behind it, as far as the world allows; else a new plan leads to the goals."""
+    """Do a step again, and what comes behind it, as far as the world allows; else a new plan
+    leads to the goals.
+    """
     target = _named_step(pause, text)
     whole = pause.course.whole().plan
     order = [step.id for step in whole.steps]
@@ -134,7 +153,11 @@ def _go_back(pause: _Pause, text: str) -> tuple[RunScope, ReadyPlan]:
             raise OrderRefused(f"step {step.id} {step.operator} cannot be taken again: {why}")
         state = dynamics.after(step.operator, state)
     return pause.scope, schedule_again(
-        pause.scope.rest(pause.state), plan, pause.course.driver.now_ms(), pause.limits, pause.course.since
+        pause.scope.rest(pause.state),
+        plan,
+        pause.course.driver.now_ms(),
+        pause.limits,
+        pause.course.since,
     )
 
 
@@ -151,7 +174,9 @@ def _correct_facts(pause: _Pause, text: str) -> tuple[RunScope, ReadyPlan]:
 
 
 def _signed_facts(text: str) -> tuple[str, str]:
-    """The facts of a correction: `at(lid, stand); -free(stand)` are one that holds and one that does not."""
+    """The facts of a correction: `at(lid, stand); -free(stand)` are one that holds and one that
+    does not.
+    """
     parts = [part.strip() for part in text.split(";") if part.strip()]
     return (
         ", ".join(part for part in parts if not part.startswith("-")),
@@ -160,9 +185,13 @@ def _signed_facts(text: str) -> tuple[str, str]:
 
 
 def _add_goals(pause: _Pause, text: str) -> tuple[RunScope, ReadyPlan]:
-    """A further command: its goals and stages join those that are pursued, and wishes about times are kept to from now on."""
+    """A further command: its goals and stages join those that are pursued, and wishes about
+    times are kept to from now on.
+    """
     further = read_addition(pause.scope.problem, text, pause.course.driver.now_ms())
-    scope = replace(pause.scope, problem=extend_problem(pause.scope.problem, further.words, further.wishes))
+    scope = replace(
+        pause.scope, problem=extend_problem(pause.scope.problem, further.words, further.wishes)
+    )
     scope_and_plan = _replan_rest(
         replace(pause, scope=scope, state=world_ahead(pause.course, scope.problem.chains))
     )
@@ -174,14 +203,17 @@ def _add_goals(pause: _Pause, text: str) -> tuple[RunScope, ReadyPlan]:
 
 
 def _most_punctual(pause: _Pause, ready_plan: ReadyPlan, wishes: Sequence[Atom]) -> ReadyPlan:
-    """The program, or one in which what is due has the part of an equal thing, if less is late then."""
+    """The program, or one in which what is due has the part of an equal thing, if less is late
+    then.
+    """
     problem, now = ready_plan.problem, pause.course.driver.now_ms()
     plan_wishes = wishes_for(PlanGate().semantics(problem), ready_plan.plan)
     shifted_wishes = from_then_on(plan_wishes, int(now // unit_ms(problem.domain)))
     best = weighted_lateness(ready_plan.plan, shifted_wishes, ready_plan.starts)
     subjects = {atom.arguments[0] for atom in wishes}
     for _, plan in itertools.islice(
-        exchanged_plans(problem, problem.initial, subjects, ready_plan.plan, pause.course.gate), MAX_EXCHANGES
+        exchanged_plans(problem, problem.initial, subjects, ready_plan.plan, pause.course.gate),
+        MAX_EXCHANGES,
     ):
         if not best:
             break
@@ -192,7 +224,10 @@ def _most_punctual(pause: _Pause, ready_plan: ReadyPlan, wishes: Sequence[Atom])
 
 
 def _replan_rest(pause: _Pause) -> tuple[RunScope, ReadyPlan]:
-    """What is left of the plan if it still serves, else a new plan for what is pursued. Raises `Refused`."""
+    """What is left of the plan if it still serves, else a new plan for what is pursued.
+
+    Raises `Refused`.
+    """
     rest = pause.scope.rest(pause.state)
     recovery = recover_goals(rest, Revision(), pause.limits, pause.left, pause.state.facts)
     if not isinstance(recovery.outcome, Found):

@@ -23,7 +23,9 @@ class GivenOrder:
     def content(self) -> dict[str, str]:
         """The order as a record has it."""
         entry = {"order": self.order.value, "given": self.text, "origin": self.origin}
-        return entry | {key: value for key, value in (("who", self.who), ("when", self.when)) if value}
+        return entry | {
+            key: value for key, value in (("who", self.who), ("when", self.when)) if value
+        }
 
 
 class OrderSource(Protocol):
@@ -59,5 +61,8 @@ class TimedOrders:
         return self._orders[0][0] if self._orders else None
 
     def wait(self) -> bool:
-        """Whether an order is still to come. Each comes at its own time, also at a pause: time goes on there, too."""
+        """Whether an order is still to come.
+
+        Each comes at its own time, also at a pause: time goes on there, too.
+        """
         return bool(self._orders)

@@ -43,8 +43,12 @@ def plan_content(ready: ReadyPlan, why: str, scope: RunScope) -> dict[str, Any]:
     }
 
 
-def standing_entry(program: ActivityProgram, standing: ExecutiveState, accuracy: Accuracy) -> dict[str, Any]:
-    """How a plan stands when it is noted: the hands that are full, and within which times its next steps will begin."""
+def standing_entry(
+    program: ActivityProgram, standing: ExecutiveState, accuracy: Accuracy
+) -> dict[str, Any]:
+    """How a plan stands when it is noted: the hands that are full, and within which times its
+    next steps will begin.
+    """
     windows = forecast_starts(program, standing, accuracy).items()
     ahead = [[number, w.start_ms, w.low_ms, w.high_ms] for number, w in windows if w is not None]
     return {"full": sorted(standing.unrested), "ahead": ahead}
@@ -53,20 +57,25 @@ def standing_entry(program: ActivityProgram, standing: ExecutiveState, accuracy:
 def steps_entry(
     compiled: CompiledProgram, without: Collection[int] = (), ended: Mapping[int, int] = NONE_ENDED
 ) -> dict[str, Any]:
-    """The steps of a plan as a record has them, `without` those that are done, of which some have `ended` just so.
+    """The steps of a plan as a record has them, `without` those that are done, of which some have
+    `ended` just so.
 
     What one of these has brought about waits since then.
     """
     return {"steps": list(step_entries(compiled, without)), **order_entry(compiled, without, ended)}
 
 
-def step_entries(compiled: CompiledProgram, without: Collection[int] = ()) -> Iterator[dict[str, Any]]:
+def step_entries(
+    compiled: CompiledProgram, without: Collection[int] = ()
+) -> Iterator[dict[str, Any]]:
     """Each step of a plan as a record has it, but for those `without`."""
     plan = {int(s.id): s for s in compiled.plan.steps}
     rest_activities = (
         activity for activity in compiled.program.activities.values() if activity.id not in without
     )
-    return (_step_entry(activity, plan[activity.id], compiled, without) for activity in rest_activities)
+    return (
+        _step_entry(activity, plan[activity.id], compiled, without) for activity in rest_activities
+    )
 
 
 def order_entry(
@@ -78,7 +87,8 @@ def order_entry(
         "dwells": [
             _dwell_entry(dwell, ended)
             for dwell in compiled.program.dwells
-            if dwell.target not in without and (dwell.source not in without or dwell.source in ended)
+            if dwell.target not in without
+            and (dwell.source not in without or dwell.source in ended)
         ],
     }
 
@@ -149,7 +159,10 @@ def compiled_of(entry: Mapping[str, Any]) -> CompiledProgram:
     """The program of a plan that a record has."""
     steps = {step["id"]: step for step in entry["steps"]}
     activities = {number: activity_of(step) for number, step in steps.items()}
-    dwells, hands = tuple(Dwell(*dwell) for dwell in entry["dwells"]), frozenset(entry.get("hands", ()))
+    dwells, hands = (
+        tuple(Dwell(*dwell) for dwell in entry["dwells"]),
+        frozenset(entry.get("hands", ())),
+    )
     program = ActivityProgram(activities, dwells, entry["timed"], hands=hands)
     return CompiledProgram(
         program,
@@ -157,14 +170,17 @@ def compiled_of(entry: Mapping[str, Any]) -> CompiledProgram:
         ReadOnDemand(steps, _read_change),
         ReadOnDemand(steps, lambda step: _pattern(step["expects"])),
         ReadOnDemand(
-            {n: step for n, step in steps.items() if "result" in step}, lambda step: _pattern(step["result"])
+            {n: step for n, step in steps.items() if "result" in step},
+            lambda step: _pattern(step["result"]),
         ),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class ReadOnDemand(Mapping[int, Each], Generic[Each]):
-    """What the steps of a record say, each read when it is asked for: of a long plan a run that goes on needs little at once."""
+    """What the steps of a record say, each read when it is asked for: of a long plan a run that
+    goes on needs little at once.
+    """
 
     steps: Mapping[int, Mapping[str, Any]]
     read: Callable[[Mapping[str, Any]], Each]

@@ -1,9 +1,10 @@
 """Review of the rest of a plan: a better order, or equal objects that exchange their roles.
 
-A plan names them all, because a plan has to be checked. When nothing can begin, and the run waits for
-something that needs no hand, what is busy and what is free exchange their roles in the steps that have not begun, if the
-run ends sooner then (after Fox and Kempf 1985). Nobody has to declare what is equal: terms are exchanged if their facts
-and goals correspond, and the exchanged plan passes the gate like every plan.
+A plan names them all, because a plan has to be checked. When nothing can begin, and the run waits
+for something that needs no hand, what is busy and what is free exchange their roles in the steps
+that have not begun, if the run ends sooner then (after Fox and Kempf 1985). Nobody has to declare
+what is equal: terms are exchanged if their facts and goals correspond, and the exchanged plan
+passes the gate like every plan.
 """
 
 from collections import defaultdict
@@ -81,7 +82,9 @@ def exchange_choices(course: RunProgress, scope: RunScope) -> Iterator[ExchangeC
 def exchanged_plans(
     rest: Problem, facts: Iterable[Atom], taken: Collection[Term], rest_plan: Plan, gate: PlanGate
 ) -> Iterator[tuple[Exchange, Plan]]:
-    """What is left of a plan with equal things in place of some, each way once, if the checker accepts it."""
+    """What is left of a plan with equal things in place of some, each way once, if the checker
+    accepts it.
+    """
     tried = set[frozenset[tuple[Term, Term]]]()
     for exchange in possible_exchanges(rest, facts, taken, rest_plan.steps, gate):
         if (pairs := frozenset(exchange.items())) in tried:
@@ -93,9 +96,15 @@ def exchanged_plans(
 
 
 def possible_exchanges(
-    rest: Problem, facts: Iterable[Atom], taken: Collection[Term], steps: Sequence[Step], gate: PlanGate
+    rest: Problem,
+    facts: Iterable[Atom],
+    taken: Collection[Term],
+    steps: Sequence[Step],
+    gate: PlanGate,
 ) -> Iterator[Exchange]:
-    """What could be exchanged for what is busy: with each equal thing, all that goes with the two of them."""
+    """What could be exchanged for what is busy: with each equal thing, all that goes with the
+    two of them.
+    """
     facts_by_term = _Facts(rest, facts, gate)
     named = {term for step in steps for term in (*step.operator.arguments, *step.resources)}
     for busy_term in sorted(taken, key=natural_key):
@@ -110,7 +119,10 @@ def busy_terms(course: RunProgress, rest: Problem) -> Mapping[Term, int]:
     hands, unit = hands_of(rest, course.compiled.plan.steps), unit_ms(rest.domain)
     busy_units: dict[Term, int] = {}
     for running_step in course.standing.running.values():
-        lasts = running_step.since_ms + course.compiled.program.activities[running_step.activity].lasts_ms
+        lasts = (
+            running_step.since_ms
+            + course.compiled.program.activities[running_step.activity].lasts_ms
+        )
         rest_units = max(0, -((course.driver.now_ms() - lasts) // unit))
         step = steps[running_step.activity]
         for term in (*step.operator.arguments, *step.resources):
@@ -138,7 +150,9 @@ class _Facts:
                 self.about[term].append(atom)
 
     def kindred(self, one: Term, other: Term) -> bool:
-        """Whether two terms could be equal: objects of one type, or compound terms of one function."""
+        """Whether two terms could be equal: objects of one type, or compound terms of one
+        function.
+        """
         if not isinstance(one, Function) or not isinstance(other, Function):
             return False
         if one.arguments or other.arguments:
@@ -146,7 +160,9 @@ class _Facts:
         return one.name in self.types and self.types[one.name] == self.types.get(other.name)
 
     def exchange(self, one: Term, other: Term) -> Exchange:
-        """The two exchanged, and with them what differs in facts about them that correspond: the depots of two probes, say."""
+        """The two exchanged, and with them what differs in facts about them that correspond:
+        the depots of two probes, say.
+        """
         exchanged: dict[Term, Term] = {one: other, other: one}
         open_ = [(one, other)]
         while open_:
@@ -158,7 +174,10 @@ class _Facts:
                 pair = next(
                     filter(
                         None,
-                        (self._differ(image, candidate, exchanged) for candidate in self.about[counterpart]),
+                        (
+                            self._differ(image, candidate, exchanged)
+                            for candidate in self.about[counterpart]
+                        ),
                     ),
                     None,
                 )
@@ -172,7 +191,11 @@ class _Facts:
         if image.name != other.name or len(image.arguments) != len(other.arguments):
             return None
         pairs = [(a, b) for a, b in zip(image.arguments, other.arguments, strict=True) if a != b]
-        if len(pairs) != 1 or any(term in exchange for term in pairs[0]) or not self.kindred(*pairs[0]):
+        if (
+            len(pairs) != 1
+            or any(term in exchange for term in pairs[0])
+            or not self.kindred(*pairs[0])
+        ):
             return None
         return pairs[0]
 
@@ -225,8 +248,8 @@ MIN_GAIN_SHARE = 50  # or this part of what is left, if that is more
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """What will come of a program as things stand: by how much things stay too long in all, when all is done, and when its
-    steps will have ended on the average.
+    """What will come of a program as things stand: by how much things stay too long in all, when
+    all is done, and when its steps will have ended on the average.
     """
 
     late_ms: int
@@ -245,7 +268,8 @@ class BetterPlan:
 def review_plan(course: RunProgress, scope: RunScope, limits: SearchLimits) -> BetterPlan | None:
     """A better plan for what is left, with what is under way as it is; None if there is none.
 
-    After a review that came to nothing, the next one waits until something has begun or ended, and needs twice as much reason.
+    After a review that came to nothing, the next one waits until something has begun or ended, and
+    needs twice as much reason.
     """
     stands = course.standing.done, frozenset(course.standing.running)
     if stands == course.looked:
@@ -256,7 +280,9 @@ def review_plan(course: RunProgress, scope: RunScope, limits: SearchLimits) -> B
     return better
 
 
-def _best_other_plan(course: RunProgress, scope: RunScope, limits: SearchLimits) -> BetterPlan | None:
+def _best_other_plan(
+    course: RunProgress, scope: RunScope, limits: SearchLimits
+) -> BetterPlan | None:
     now = course.driver.now_ms()
     present = forecast_prospect(course.compiled.program, course.standing, now)
     best: tuple[Prospect, JoinedProgram] | None = None
@@ -271,7 +297,9 @@ def _best_other_plan(course: RunProgress, scope: RunScope, limits: SearchLimits)
 
 
 def choose_exchange(course: RunProgress, scope: RunScope) -> ExchangeChoice | None:
-    """The choice among equal things with which all is done soonest; None if that of the plan loses nothing."""
+    """The choice among equal things with which all is done soonest; None if that of the plan
+    loses nothing.
+    """
     now = course.driver.now_ms()
     best, choice_found = (
         _prospect_value(forecast_prospect(course.compiled.program, course.standing, now)),
@@ -291,7 +319,8 @@ def _prospect_value(future: Prospect) -> tuple[int, int, int]:
 
 
 def _pays_off(present: Prospect, other: Prospect, now_ms: int) -> bool:
-    """Whether it is worth it to follow another plan: one that is done sooner, or no later and with its steps sooner.
+    """Whether it is worth it to follow another plan: one that is done sooner, or no later and with
+    its steps sooner.
 
     What is done early cannot be late any more, so steps that need not wait do not wait.
     """
@@ -312,7 +341,9 @@ def _gain_text(present: Prospect, other: Prospect) -> str:
 
 
 def forecast_prospect(program: ActivityProgram, standing: ExecutiveState, now_ms: int) -> Prospect:
-    """What will come of a program if all goes as forecast from now on, in the order of the forecast."""
+    """What will come of a program if all goes as forecast from now on, in the order of the
+    forecast.
+    """
     begins, ends = _begins_and_ends(program, standing, now_ms)
     late = 0
     for dwell in program.dwells:
@@ -321,13 +352,17 @@ def forecast_prospect(program: ActivityProgram, standing: ExecutiveState, now_ms
             until = ends[dwell.source] + dwell.most_ms
         if until is not None and dwell.target in begins:
             late += max(0, begins[dwell.target] - until)
-    return Prospect(late, max(ends.values(), default=now_ms), sum(ends.values()) // max(1, len(ends)))
+    return Prospect(
+        late, max(ends.values(), default=now_ms), sum(ends.values()) // max(1, len(ends))
+    )
 
 
 def _begins_and_ends(
     program: ActivityProgram, standing: ExecutiveState, now_ms: int
 ) -> tuple[Mapping[int, int], Mapping[int, int]]:
-    """When each activity that has not begun will begin, and when each that has not ended will end."""
+    """When each activity that has not begun will begin, and when each that has not ended will
+    end.
+    """
     under_way = {running.activity: running.since_ms for running in standing.running.values()}
     lasts = {number: program.activities[number].lasts_ms for number in program.activities}
     ends = {number: max(now_ms, since + lasts[number]) for number, since in under_way.items()}
@@ -346,14 +381,18 @@ def _begins_and_ends(
 def _other_plans(
     course: RunProgress, scope: RunScope, limits: SearchLimits, late: bool
 ) -> Iterator[ReadyPlan]:
-    """Other plans for what is left, from the world on that will be when what is under way has ended."""
+    """Other plans for what is left, from the world on that will be when what is under way has
+    ended.
+    """
     state, rest_plan, now = world_ahead(course), left_behind(course), course.driver.now_ms()
     if not rest_plan.steps:
         return
     rest = scope.rest(state)
     try:
         if len(rest_plan.steps) <= MAX_RESCHEDULED_STEPS:
-            yield schedule_again(rest, rest_plan, now, limits, course.since, busy_terms(course, rest))
+            yield schedule_again(
+                rest, rest_plan, now, limits, course.since, busy_terms(course, rest)
+            )
         if late and (plan := _taken_away(course, scope, state, limits)) is not None:
             yield in_windows(rest, plan, now, course.since) or compile_ready_plan(
                 rest, plan, keep_plan_order(rest, plan).starts, now, since=course.since
@@ -362,8 +401,12 @@ def _other_plans(
         return  # what is left has no schedule: the plan stays as it is
 
 
-def _taken_away(course: RunProgress, scope: RunScope, state: WorldState, limits: SearchLimits) -> Plan | None:
-    """A plan that first takes away what would stay too long; None if there is none, or if nothing is taken away sooner by it."""
+def _taken_away(
+    course: RunProgress, scope: RunScope, state: WorldState, limits: SearchLimits
+) -> Plan | None:
+    """A plan that first takes away what would stay too long; None if there is none, or if
+    nothing is taken away sooner by it.
+    """
     waiting = sorted(
         course.standing.dwelling.items(),
         key=lambda waiting_dwell: (waiting_dwell[1], waiting_dwell[0].target),
@@ -374,7 +417,10 @@ def _taken_away(course: RunProgress, scope: RunScope, state: WorldState, limits:
     first = _way_to(course, rest, target, state, limits)
     if first is None or not _is_sooner(course, first, target, unit_ms(rest.domain)):
         return None
-    dynamics, after = Dynamics(rest), WorldState(state.facts, {chain.name: 0 for chain in rest.chains})
+    dynamics, after = (
+        Dynamics(rest),
+        WorldState(state.facts, {chain.name: 0 for chain in rest.chains}),
+    )
     for step in first.steps:
         after = dynamics.after(step.operator, after)
     reached = {name: state.reached[name] + more for name, more in after.reached.items()}
@@ -388,7 +434,9 @@ def _taken_away(course: RunProgress, scope: RunScope, state: WorldState, limits:
 def _way_to(
     course: RunProgress, rest: Problem, target: int, state: WorldState, limits: SearchLimits
 ) -> Plan | None:
-    """The steps that take something away, and what has to be done before; None if there are none."""
+    """The steps that take something away, and what has to be done before; None if there are
+    none.
+    """
     adds = course.compiled.changes[target].adds
     if course.way is None or course.way[:2] != (adds, state.facts):
         goal = And(tuple(map(Literal, adds)))
@@ -406,7 +454,8 @@ def _is_sooner(course: RunProgress, first: Plan, target: int, unit: Fraction) ->
     begins, ends = _begins_and_ends(program, course.standing, now)
     under_way = {running.activity for running in course.standing.running.values()}
     waits = {
-        program.activities[number].action: program.activities[number].after for number in reversed(begins)
+        program.activities[number].action: program.activities[number].after
+        for number in reversed(begins)
     }
     free = {r: ends[number] for number in under_way for r in program.activities[number].resources}
     start, done = now, dict[StepId, int]()
@@ -416,7 +465,9 @@ def _is_sooner(course: RunProgress, first: Plan, target: int, unit: Fraction) ->
             *(done[number] for number in step.after),
             *(free.get(str(r), now) for r in step.resources),
         ]
-        behind = [ends[number] for number in waits.get(str(step.operator), ()) if number in under_way]
+        behind = [
+            ends[number] for number in waits.get(str(step.operator), ()) if number in under_way
+        ]
         start = max(times + behind)
         done[step.id] = start + int(step.duration * unit)
         free |= dict.fromkeys(map(str, step.resources), done[step.id])
@@ -425,7 +476,9 @@ def _is_sooner(course: RunProgress, first: Plan, target: int, unit: Fraction) ->
 
 def _single_plan(rest: Problem, steps: tuple[Step, ...]) -> Plan:
     """One plan of steps in a sequence, with the orders that it needs."""
-    plan = full_order(Plan(tuple(replace(s, id=StepId(n + 1), after=()) for n, s in enumerate(steps))))
+    plan = full_order(
+        Plan(tuple(replace(s, id=StepId(n + 1), after=()) for n, s in enumerate(steps)))
+    )
     task = task_for(rest, plan)
     try:
         return deorder_steps(task, *operators_of(task, plan))

@@ -1,7 +1,8 @@
 """Switching plans in a run: steps under way end as begun, and the new steps follow them.
 
-The new plan begins in the world that will be when everything under way has ended. Which of its steps wait for which of those
-under way is found out as for any plan: by what they need, by what they undo, and by what they hold.
+The new plan begins in the world that will be when everything under way has ended. Which of its
+steps wait for which of those under way is found out as for any plan: by what they need, by what
+they undo, and by what they hold.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,14 +31,18 @@ from cellwright.kb.model.planning_problem import Chain, Problem
 
 @dataclass(frozen=True)
 class JoinedProgram:
-    """A program whose first steps are under way already, and the standing in which it is followed."""
+    """A program whose first steps are under way already, and the standing in which it is
+    followed.
+    """
 
     ready: ReadyPlan
     standing: ExecutiveState
 
 
 def world_ahead(course: RunProgress, chains: Sequence[Chain] | None = None) -> WorldState:
-    """The world when all that is under way has ended as it should; with `chains` for the workflow, if they are others."""
+    """The world when all that is under way has ended as it should; with `chains` for the
+    workflow, if they are others.
+    """
     pursued = course.world.chains if chains is None else chains
     reached = {chain.name: 0 for chain in pursued} | course.world.reached
     world = SymbolicWorld(pursued, set(course.world.facts), reached)
@@ -60,7 +65,9 @@ def join_plan(course: RunProgress, scope: RunScope, new_plan: ReadyPlan) -> Join
     rest_problem = scope.rest(course.world.state)
     plan = _order_together(rest_problem, first, rest)
     if not numbers:
-        return JoinedProgram(new_plan, _joined_standing(course, new_plan, (), course.driver.now_ms()))
+        return JoinedProgram(
+            new_plan, _joined_standing(course, new_plan, (), course.driver.now_ms())
+        )
     now = course.driver.now_ms()
     starts = _forecast_starts(course, unit_ms(rest_problem.domain), plan, numbers, new_plan)
     joined_plan = compile_ready_plan(rest_problem, plan, starts, now, since=course.since)
@@ -74,17 +81,24 @@ def _begun_step(course: RunProgress, number: int, place: int) -> Step:
 
 
 def _steps_behind(new_plan: ReadyPlan, first: int) -> list[Step]:
-    """The steps of a plan in the order of their starts, with numbers behind those of the first ones."""
+    """The steps of a plan in the order of their starts, with numbers behind those of the first
+    ones.
+    """
     order = {step.id: place for place, step in enumerate(new_plan.plan.steps)}
     sequence = sorted(
-        new_plan.plan.steps, key=lambda plan_step: (new_plan.starts[plan_step.id], order[plan_step.id])
+        new_plan.plan.steps,
+        key=lambda plan_step: (new_plan.starts[plan_step.id], order[plan_step.id]),
     )
     ids = {step.id: StepId(first + 1 + place) for place, step in enumerate(sequence)}
-    return [replace(s, id=ids[s.id], after=tuple(ids[earlier] for earlier in s.after)) for s in sequence]
+    return [
+        replace(s, id=ids[s.id], after=tuple(ids[earlier] for earlier in s.after)) for s in sequence
+    ]
 
 
 def _order_together(rest_problem: Problem, first: Sequence[Step], rest: Sequence[Step]) -> Plan:
-    """The plan of both with only the orders that it needs; where these cannot be found, the rest waits for all of the first."""
+    """The plan of both with only the orders that it needs; where these cannot be found, the
+    rest waits for all of the first.
+    """
     if first and len(first) + len(rest) <= MAX_RESCHEDULED_STEPS:
         try:
             both = Plan((*first, *rest))
@@ -93,7 +107,9 @@ def _order_together(rest_problem: Problem, first: Sequence[Step], rest: Sequence
         except Unstructured:
             pass
         else:
-            whole = [step.operator for step in plan.steps] == [step.operator for step in (*first, *rest)]
+            whole = [step.operator for step in plan.steps] == [
+                step.operator for step in (*first, *rest)
+            ]
             if whole and not PlanGate().findings(rest_problem, plan):
                 return plan
     waits = tuple(step.id for step in first)
@@ -104,7 +120,8 @@ def _order_together(rest_problem: Problem, first: Sequence[Step], rest: Sequence
 def _forecast_starts(
     course: RunProgress, unit: Fraction, plan: Plan, numbers: Sequence[int], new_plan: ReadyPlan
 ) -> Mapping[StepId, int]:
-    """The forecast from now on, in the domain's unit: of what is under way as it began, of the rest as soon as can be.
+    """The forecast from now on, in the domain's unit: of what is under way as it began, of the rest
+    as soon as can be.
 
     A plan that was timed for wishes keeps its distances.
     """
@@ -126,7 +143,9 @@ def _forecast_starts(
     free: dict[object, int] = {}
     for step in plan.steps:
         if step.id not in starts:
-            soon = max([0, *(ends[b] for b in step.after), *(free.get(r, 0) for r in step.resources)])
+            soon = max(
+                [0, *(ends[b] for b in step.after), *(free.get(r, 0) for r in step.resources)]
+            )
             starts[step.id] = late + planned[step.id] if new_plan.compiled.program.timed else soon
             ends[step.id] = starts[step.id] + step.duration
         free |= {resource: max(free.get(resource, 0), ends[step.id]) for resource in step.resources}
@@ -136,14 +155,20 @@ def _forecast_starts(
 def _joined_standing(
     course: RunProgress, joined_plan: ReadyPlan, numbers: Sequence[int], now_ms: int
 ) -> ExecutiveState:
-    """The standing of the joined program: what is under way goes on, and the phase is what it was."""
+    """The standing of the joined program: what is under way goes on, and the phase is what it
+    was.
+    """
     old = course.standing
     places = {old.running[number].activity: place + 1 for place, number in enumerate(numbers)}
-    running = {n: Running(places[old.running[n].activity], old.running[n].since_ms) for n in numbers}
+    running = {
+        n: Running(places[old.running[n].activity], old.running[n].since_ms) for n in numbers
+    }
     waits = {
         number: (
             stream,
-            frozenset(places[number_before] for number_before in awaited if number_before in places),
+            frozenset(
+                places[number_before] for number_before in awaited if number_before in places
+            ),
         )
         for number, (stream, awaited) in old.waits.items()
     }

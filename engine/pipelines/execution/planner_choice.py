@@ -1,8 +1,9 @@
 """Choice of planners: which of the domain's tools make the first plan, and in which order.
 
-A tool needs products and gives one. A domain declares its tools (`tools`), the preferred ones first. What is wanted is a
-timetable; backward from there, of the tools that give a product the first one is used that serves, after others have made what
-it needs. So a cell of another kind needs no code: it names other tools, or puts them in another order.
+A tool needs products and gives one. A domain declares its tools (`tools`), the preferred ones
+first. What is wanted is a timetable; backward from there, of the tools that give a product the
+first one is used that serves, after others have made what it needs. So a cell of another kind needs
+no code: it names other tools, or puts them in another order.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -38,7 +39,10 @@ class PlannerWork:
 
 @dataclass(frozen=True, slots=True)
 class PlanningTool:
-    """A tool of the top level. `use` says whether it serves here, and if it does, adds what it gives to the work."""
+    """A tool of the top level.
+
+    `use` says whether it serves here, and if it does, adds what it gives to the work.
+    """
 
     needs: tuple[str, ...]
     gives: tuple[str, ...]
@@ -57,7 +61,10 @@ class PlannerResult:
 def choose_and_plan(
     problem: Problem, limits: SearchLimits, store: str = "", outcome: Outcome | None = None
 ) -> PlannerResult:
-    """What the tools of the domain make of a problem. `outcome` is a plan that is known already. Raises `InvalidInput`."""
+    """What the tools of the domain make of a problem.
+
+    `outcome` is a plan that is known already. Raises `InvalidInput`.
+    """
     work = PlannerWork(problem, limits, store, outcome)
     if outcome is not None:
         work.products.add(PLAN)
@@ -70,13 +77,17 @@ def choose_and_plan(
 
 
 def _achieve_product(product: str, work: PlannerWork, wanted: frozenset[str]) -> bool:
-    """Have a product made by the first tool that serves; `wanted` are those on whose behalf it is wanted."""
+    """Have a product made by the first tool that serves; `wanted` are those on whose behalf it
+    is wanted.
+    """
     if product in work.products:
         return True
     for name, tool in _tools_giving(product, work):
         if wanted & set(tool.needs):
             continue
-        if all(_achieve_product(need, work, wanted | {product}) for need in tool.needs) and tool.use(work):
+        if all(
+            _achieve_product(need, work, wanted | {product}) for need in tool.needs
+        ) and tool.use(work):
             work.products.update(tool.gives)
             work.notes.append(f"{name}: {' and '.join(tool.gives)}")
             return True
@@ -110,7 +121,9 @@ def _use_library(work: PlannerWork) -> bool:
     work.outcome = answer.outcome
     if answer.origin != "planner":
         named = (
-            answer.name if len(answer.name) <= MAX_NAME_LETTERS else f"{answer.name.partition('(')[0]}(...)"
+            answer.name
+            if len(answer.name) <= MAX_NAME_LETTERS
+            else f"{answer.name.partition('(')[0]}(...)"
         )
         work.notes.append(f"from {answer.origin}{f': {named}' if named else ''}")
     return isinstance(answer.outcome, Found)
@@ -123,7 +136,9 @@ def _use_planner(work: PlannerWork) -> bool:
 
 def _use_scheduler(work: PlannerWork) -> bool:
     assert work.outcome is not None
-    timetable = plan_objective.schedule_outcome(work.problem, work.outcome, work.limits, None, work.task)
+    timetable = plan_objective.schedule_outcome(
+        work.problem, work.outcome, work.limits, None, work.task
+    )
     work.outcome, work.starts = timetable.outcome, timetable.starts
     return True
 

@@ -1,8 +1,9 @@
 """Measuring again in an inspection: datums that locate the part, doubtful and undecided values.
 
-A run whose problem has an alignment, and whose domain says how uncertain values are, first follows its plan as far as the last
-datum. Then it is found out where the part lies, and all that is left is planned for the part as it lies. At the end of the plan
-bad values are looked for; they are repeated. A decision that further values may bring is worth so much time as the domain says: the
+A run whose problem has an alignment, and whose domain says how uncertain values are, first follows
+its plan as far as the last datum. Then it is found out where the part lies, and all that is left is
+planned for the part as it lies. At the end of the plan bad values are looked for; they are
+repeated. A decision that further values may bring is worth so much time as the domain says: the
 planner says how long they take.
 """
 
@@ -37,23 +38,30 @@ MAX_HINT_POINTS = 3  # points that a hint names
 
 
 def datums_asked(problem: Problem) -> tuple[str, ...]:
-    """The datums that are to be measured before everything else; none if the run does not find the part by itself."""
+    """The datums that are to be measured before everything else; none if the run does not find
+    the part by itself.
+    """
     if (
         not chooses_tools(problem.domain)
         or problem.domain.conventions.alignment not in problem.domain.predicates
     ):
         return ()
-    from cellwright.engine.pipelines.inspection.part_alignment import alignment_asked  # it needs numpy
+    # it needs numpy
+    from cellwright.engine.pipelines.inspection.part_alignment import alignment_asked
 
     return alignment_asked(problem)
 
 
 def first_stage(ready: ReadyPlan, scope: RunScope) -> tuple[Plan, RunScope] | None:
-    """The steps of a plan up to its last datum, and their goals; None if the part is not to be found, or the plan has not all datums."""
+    """The steps of a plan up to its last datum, and their goals; None if the part is not to be
+    found, or the plan has not all datums.
+    """
     asked, measuring = set(datums_asked(scope.problem)), MeasurementJudge(scope.problem)
     if not asked:
         return None
-    expected_values = [(n, measuring.expected(step.operator)) for n, step in enumerate(ready.plan.steps)]
+    expected_values = [
+        (n, measuring.expected(step.operator)) for n, step in enumerate(ready.plan.steps)
+    ]
     mine = {
         expected.of: n
         for n, expected in expected_values
@@ -68,7 +76,9 @@ def first_stage(ready: ReadyPlan, scope: RunScope) -> tuple[Plan, RunScope] | No
 
 
 def _require_held(problem: Problem) -> None:
-    """Refuse datums that cannot show where the part lies, however well they are measured, and name points that would help."""
+    """Refuse datums that cannot show where the part lies, however well they are measured, and
+    name points that would help.
+    """
     from cellwright.engine.pipelines.inspection.part_alignment import (
         datum_points,
         datums_of_points,
@@ -81,7 +91,9 @@ def _require_held(problem: Problem) -> None:
     reason = lacking_datums(planned)
     if reason is None:
         return
-    other_points = [(point, 0.0) for name, point in known_profiles(problem).items() if name not in asked]
+    other_points = [
+        (point, 0.0) for name, point in known_profiles(problem).items() if name not in asked
+    ]
     best = (
         datums_that_hold(planned, datums_of_points(other_points, [1.0] * len(other_points)))
         if other_points
@@ -108,18 +120,27 @@ def locate_part(
 
 @dataclass(frozen=True, slots=True)
 class DatumLooks:
-    """Datums that are measured again before the part counts as found, with how often; `refused` says why measuring again is not enough."""
+    """Datums that are measured again before the part counts as found, with how often; `refused`
+    says why measuring again is not enough.
+    """
 
     names: Mapping[str, int] = field(default_factory=dict)
     told: str = ""
     refused: str = ""
 
 
-def looks_needed(problem: Problem, measured: Sequence[Measured], alignment: Alignment) -> DatumLooks | None:
-    """What a demand on how well the part is known (`aligned_within`) makes necessary; None if nothing is demanded, or it is met."""
+def looks_needed(
+    problem: Problem, measured: Sequence[Measured], alignment: Alignment
+) -> DatumLooks | None:
+    """What a demand on how well the part is known (`aligned_within`) makes necessary; None if
+    nothing is demanded, or it is met.
+    """
     import numpy as np
 
-    from cellwright.engine.pipelines.inspection.measurement_points import points_of_problem, with_places
+    from cellwright.engine.pipelines.inspection.measurement_points import (
+        points_of_problem,
+        with_places,
+    )
     from cellwright.engine.pipelines.inspection.part_alignment import (
         aligned_within_m,
         measured_datums,
@@ -141,7 +162,8 @@ def looks_needed(problem: Problem, measured: Sequence[Measured], alignment: Alig
     if looks is None:
         most = f"{MAX_DATUM_VALUES} values of each datum are not enough for that"
         return DatumLooks(
-            refused=f"{reason}; {most}: measure more datums, farther apart, or with a more exact tool"
+            refused=f"{reason}; {most}: measure more datums, farther apart, or with a more exact "
+            "tool"
         )
     return DatumLooks(looks, reason) if looks else None
 
@@ -169,14 +191,25 @@ def judge_features(
 
 def facts_of(problem: Problem, names: Collection[str], facts: Collection[Atom]) -> list[Atom]:
     """The facts that say that these measurements are done."""
-    words, places = problem.domain.conventions, {problem.domain.conventions.place(name) for name in names}
+    words, places = (
+        problem.domain.conventions,
+        {problem.domain.conventions.place(name) for name in names},
+    )
     return [f for f in facts if f.name == words.measured and str(f.arguments[-1]) in places]
 
 
-def reopen_measurements(rest: Problem, tools: Mapping[str, str], facts: Collection[Atom]) -> Problem:
-    """The problem of measuring some points again, each by its tool if one is named, in a world in which they are not measured."""
+def reopen_measurements(
+    rest: Problem, tools: Mapping[str, str], facts: Collection[Atom]
+) -> Problem:
+    """The problem of measuring some points again, each by its tool if one is named, in a world
+    in which they are not measured.
+    """
     gone = set(facts_of(rest, tools, facts))
-    goals = [_goal_by_tool(rest, part, tools) for part in goal_parts(rest.goal) if names_in_goal(part, tools)]
+    goals = [
+        _goal_by_tool(rest, part, tools)
+        for part in goal_parts(rest.goal)
+        if names_in_goal(part, tools)
+    ]
     initial = tuple(atom for atom in rest.initial if atom not in gone)
     return replace(rest, initial=initial, goal=And(tuple(goals)), chains=())
 
@@ -185,10 +218,16 @@ def _goal_by_tool(rest: Problem, part: Condition, tools: Mapping[str, str]) -> C
     """A goal with the tool that is named for its measurement."""
     tool = next((tools[name] for name in names_in_goal(part, tools)), "")
     inner = part.part if isinstance(part, Exists) else part
-    if not tool or not isinstance(inner, Literal) or inner.atom.name != rest.domain.conventions.measured:
+    if (
+        not tool
+        or not isinstance(inner, Literal)
+        or inner.atom.name != rest.domain.conventions.measured
+    ):
         return part
     first, *other_arguments = inner.atom.arguments
-    literal = Literal(replace(inner.atom, arguments=(Function(tool), *other_arguments)), inner.positive)
+    literal = Literal(
+        replace(inner.atom, arguments=(Function(tool), *other_arguments)), inner.positive
+    )
     free = (
         tuple(parameter for parameter in part.parameters if parameter.variable != first)
         if isinstance(part, Exists)
@@ -198,7 +237,8 @@ def _goal_by_tool(rest: Problem, part: Condition, tools: Mapping[str, str]) -> C
 
 
 MAX_FEATURE_VALUES = 5  # values of one feature
-DECIDED_PORTIONS = (1.0, 0.5, 0.25, 0.1)  # of those that could be decided, which are planned together
+# of those that could be decided, which are planned together
+DECIDED_PORTIONS = (1.0, 0.5, 0.25, 0.1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +278,9 @@ def choose_repeats(
     gain_of = {gain.feature.of: gain for gain in best.gains}
     if not doubtful and not gain_of:
         return Repeat(left=best.left) if best.left else None
-    names = doubtful | {name: f"it is undecided; {_chance_text(gain)}" for name, gain in gain_of.items()}
+    names = doubtful | {
+        name: f"it is undecided; {_chance_text(gain)}" for name, gain in gain_of.items()
+    }
     tools = {name: gain.offer.tool for name, gain in gain_of.items()}
     return Repeat(names, tools, _repeat_counts(doubtful, tools), best.why, best.left)
 
@@ -246,12 +288,16 @@ def choose_repeats(
 def _repeat_counts(doubtful: Mapping[str, str], tools: Mapping[str, str]) -> str:
     by = Counter(tools.values())
     parts = [f"{len(doubtful)} doubtful"] if doubtful else []
-    return " and ".join([*parts, *(f"{count} undecided with {tool}" for tool, count in sorted(by.items()))])
+    return " and ".join(
+        [*parts, *(f"{count} undecided with {tool}" for tool, count in sorted(by.items()))]
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class _Gain:
-    """What another value of a feature by a tool is worth, in the domain's unit of time: the chance that it decides, by a decision's worth."""
+    """What another value of a feature by a tool is worth, in the domain's unit of time: the
+    chance that it decides, by a decision's worth.
+    """
 
     feature: MeasuredFeature
     offer: RemeasurementOffer
@@ -284,11 +330,15 @@ def _choose_decisive(
     limits: SearchLimits,
     facts: Collection[Atom],
 ) -> _Choice:
-    """The further values, and by which tools, that are worth most beyond the time that the planner needs for them."""
+    """The further values, and by which tools, that are worth most beyond the time that the
+    planner needs for them.
+    """
     gains = [gain for feature in undecided for gain in _feature_gains(problem, feature)]
     if not gains:
         return _Choice(
-            left=f"{len(undecided)} undecided: no further value is worth anything" if undecided else ""
+            left=f"{len(undecided)} undecided: no further value is worth anything"
+            if undecided
+            else ""
         )
     open_ = {name: "" for name in doubtful}
     base = _planned_time(rest, open_, limits, facts) if doubtful else 0.0
@@ -310,7 +360,9 @@ def _choose_decisive(
     ]
     if best[0] <= 0:
         return _Choice(left=f"{len(undecided)} undecided: {'; '.join(texts)}")
-    other_texts = [text for text, candidate in zip(texts, tried, strict=True) if candidate is not best]
+    other_texts = [
+        text for text, candidate in zip(texts, tried, strict=True) if candidate is not best
+    ]
     why = texts[tried.index(best)] + (f", but {'; '.join(other_texts)}" if other_texts else "")
     return _Choice(
         best[3],
@@ -325,7 +377,8 @@ def _by_tools(gains: Sequence[_Gain]) -> str:
 
 
 def _value_sets(gains: Sequence[_Gain]) -> list[tuple[_Gain, ...]]:
-    """Sets of further values that are planned: by the tool that most probably decides each feature, and by one tool alone.
+    """Sets of further values that are planned: by the tool that most probably decides each feature,
+    and by one tool alone.
 
     Of each, those that are worth most: all, and portions.
     """
@@ -333,7 +386,8 @@ def _value_sets(gains: Sequence[_Gain]) -> list[tuple[_Gain, ...]]:
     for gain in sorted(gains, key=lambda value_gain: value_gain.worth):
         likeliest[gain.feature.of] = gain
     alone = [
-        tuple(g for g in gains if g.offer.tool == tool) for tool in sorted({g.offer.tool for g in gains})
+        tuple(g for g in gains if g.offer.tool == tool)
+        for tool in sorted({g.offer.tool for g in gains})
     ]
     sets = dict[tuple[tuple[str, str], ...], tuple[_Gain, ...]]()
     for gain_set in (tuple(likeliest.values()), *alone):
@@ -356,7 +410,9 @@ def _feature_gains(problem: Problem, feature: MeasuredFeature) -> list[_Gain]:
 
 def _own_uncertainty(feature: MeasuredFeature) -> float:
     """The part of a feature's expanded uncertainty that is of its values alone."""
-    weights = sum((COVERAGE_FACTOR / value.uncertainty) ** 2 for value in feature.values if value.uncertainty)
+    weights = sum(
+        (COVERAGE_FACTOR / value.uncertainty) ** 2 for value in feature.values if value.uncertainty
+    )
     return COVERAGE_FACTOR * float(weights**-0.5) if weights else 0.0
 
 

@@ -5,12 +5,20 @@ from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.model.run_protocol import Finish, OperatorCommand, RecordKind, RunPhase
 from cellwright.engine.pipelines.execution.checkpoints import remaining_pages, state_of
-from cellwright.engine.pipelines.execution.compiled_program import CompiledProgram, full_hands, with_queues
+from cellwright.engine.pipelines.execution.compiled_program import (
+    CompiledProgram,
+    full_hands,
+    with_queues,
+)
 from cellwright.engine.pipelines.execution.exception_handler import ExceptionHandler, GivesUp
 from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan
 from cellwright.engine.pipelines.execution.inspector import ALIGNED, Inspector
 from cellwright.engine.pipelines.execution.obstacles_met import stand_again
-from cellwright.engine.pipelines.execution.operator_changes import RESUME_ORIGIN, OrderRefused, change_run
+from cellwright.engine.pipelines.execution.operator_changes import (
+    RESUME_ORIGIN,
+    OrderRefused,
+    change_run,
+)
 from cellwright.engine.pipelines.execution.operator_orders import GivenOrder, OrderSource
 from cellwright.engine.pipelines.execution.plan_records import (
     end_entry,
@@ -27,7 +35,11 @@ from cellwright.engine.pipelines.execution.run_goals import (
 )
 from cellwright.engine.pipelines.execution.run_journal import Recorder
 from cellwright.engine.pipelines.execution.run_loop import RunLoop, is_approved
-from cellwright.engine.pipelines.execution.run_progress import RECORDS_PER_CHECKPOINT, Checkpoint, LoopTurn
+from cellwright.engine.pipelines.execution.run_progress import (
+    RECORDS_PER_CHECKPOINT,
+    Checkpoint,
+    LoopTurn,
+)
 from cellwright.engine.pipelines.execution.run_resumption import (
     PastRun,
     left_out,
@@ -68,14 +80,22 @@ class RunExecution:
     exceptions: int = 0
     forecast_ms: int = 0
     story: list[str] = field(default_factory=list)
-    additions: list[dict[str, Any]] = field(default_factory=list)  # further commands, for checkpoints
+    # further commands, for checkpoints
+    additions: list[dict[str, Any]] = field(default_factory=list)
     inspector: Inspector = field(default_factory=Inspector)
     paths: "RunPaths | None" = None  # in a run with motion
 
     def start(
-        self, ready: ReadyPlan, world: SymbolicWorld, approve: bool = False, scope: RunScope | None = None
+        self,
+        ready: ReadyPlan,
+        world: SymbolicWorld,
+        approve: bool = False,
+        scope: RunScope | None = None,
     ) -> Finish:
-        """Execute a first plan to the end of the run. `scope` says which of the goals it is for; all, if it is not given."""
+        """Execute a first plan to the end of the run.
+
+        `scope` says which of the goals it is for; all, if it is not given.
+        """
         scope = scope or RunScope(self.problem)
         compiled = with_queues(ready.compiled, self.driver.lookahead)
         full = full_hands(ready.problem, ready.plan.steps, world.state.facts)
@@ -83,15 +103,24 @@ class RunExecution:
         course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
         if ready.notes:
-            self.recorder.note(RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes))
+            self.recorder.note(
+                RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes)
+            )
         outlook = standing_entry(compiled.program, standing, course.accuracy)
         course.planned({**plan_content(ready, "first", scope), **outlook})
         return self.guarded(course, scope, approve)
 
     def resume(self, past: PastRun) -> Finish:
-        """Go on with a run whose journal was read. What was under way is settled with the driver first."""
+        """Go on with a run whose journal was read.
+
+        What was under way is settled with the driver first.
+        """
         self.additions = list(past.additions)
-        self.forecast_ms, self.exceptions, self.steps = past.forecast_ms, past.exceptions, past.steps
+        self.forecast_ms, self.exceptions, self.steps = (
+            past.forecast_ms,
+            past.exceptions,
+            past.steps,
+        )
         compiled, standing = taken_up(past, self.driver.lookahead, self.driver.now_ms())
         course = self._course(compiled, standing, past.world)
         restore_loop(course, past)
@@ -101,7 +130,9 @@ class RunExecution:
         handler = ExceptionHandler(course, past.scope, self.base, self.limits, dict(past.cases))
         return self.guarded(course, past.scope, handler=handler, past=past)
 
-    def _course(self, compiled: CompiledProgram, standing: ExecutiveState, world: SymbolicWorld) -> RunLoop:
+    def _course(
+        self, compiled: CompiledProgram, standing: ExecutiveState, world: SymbolicWorld
+    ) -> RunLoop:
         return RunLoop(
             self.run,
             self.driver,
@@ -125,10 +156,14 @@ class RunExecution:
         handler: ExceptionHandler | None = None,
         past: PastRun | None = None,
     ) -> Finish:
-        """Run to the end. If the journal cannot be written, everything halts: nothing is done that is not noted."""
+        """Run to the end. If the journal cannot be written, everything halts: nothing is done
+        that is not noted.
+        """
         handler = handler or ExceptionHandler(course, scope, self.base, self.limits)
         handler.story = course.told = self.story
-        course.checkpoint = Checkpoint(lambda: self._state(course, handler), lambda: remaining_pages(course))
+        course.checkpoint = Checkpoint(
+            lambda: self._state(course, handler), lambda: remaining_pages(course)
+        )
         try:
             if approve and not is_approved(course):
                 return self._end(course, handler.scope, ABORTED, "the plan was not approved")
@@ -140,7 +175,9 @@ class RunExecution:
         except JournalFailure as error:
             self.driver.halt()
             course.outbox.clear()
-            return self._ending(course, handler.scope, STOPPED, f"the journal cannot be written: {error}")
+            return self._ending(
+                course, handler.scope, STOPPED, f"the journal cannot be written: {error}"
+            )
 
     def _state(self, course: RunLoop, handler: ExceptionHandler) -> dict[str, Any]:
         """What a checkpoint holds."""
@@ -182,14 +219,18 @@ class RunExecution:
             first = past.case[0].content
             rest_plan = left_over(course.compiled.plan, {StepId(number) for number in course.done})
             step = read_ground_atom(first["action"])
-            handled = handler.handled(step, first["step"], first["command"], first["reply"], rest_plan)
+            handled = handler.handled(
+                step, first["step"], first["command"], first["reply"], rest_plan
+            )
             if isinstance(handled, GivesUp):
                 return self._gives_up(course, handler, handled)
             self.follow(course, handler.scope, handled, "recovery")
             return None
         settle_commands(course, past)
         if past.replans:
-            return self._changed(course, handler, GivenOrder(OperatorCommand.RETRY, origin=RESUME_ORIGIN))
+            return self._changed(
+                course, handler, GivenOrder(OperatorCommand.RETRY, origin=RESUME_ORIGIN)
+            )
         return None
 
     def _handled(self, course: RunLoop, handler: ExceptionHandler, turn: LoopTurn) -> Finish | None:
@@ -216,11 +257,16 @@ class RunExecution:
         why: str,
         standing: ExecutiveState | None = None,
     ) -> None:
-        """Go on with another plan: with nothing done of it, or from a `standing` in which steps of it are under way."""
+        """Go on with another plan: with nothing done of it, or from a `standing` in which steps
+        of it are under way.
+        """
         self.steps += len(course.done)
         compiled = with_queues(ready_plan.compiled, self.driver.lookahead)
         fresh = standing or self._rested(course, scope, ready_plan, compiled)
-        running = [[number, running_step.activity] for number, running_step in sorted(fresh.running.items())]
+        running = [
+            [number, running_step.activity]
+            for number, running_step in sorted(fresh.running.items())
+        ]
         entry = {
             **plan_content(ready_plan, why, scope),
             **standing_entry(compiled.program, fresh, course.accuracy),
@@ -236,19 +282,31 @@ class RunExecution:
     def _rested(
         self, course: RunLoop, scope: RunScope, ready_plan: ReadyPlan, compiled: CompiledProgram
     ) -> ExecutiveState:
-        """The standing in which nothing of a plan is done. What is in a hand may be on its way to a goal."""
-        full = full_hands(scope.problem, ready_plan.plan.steps, course.world.facts)
-        return standing_of(compiled.program, self.driver.now_ms(), course.standing.number, unrested=full)
+        """The standing in which nothing of a plan is done.
 
-    def _changed(self, course: RunLoop, handler: ExceptionHandler, given: GivenOrder) -> Finish | None:
-        """What an order at a pause makes of the plan. An order that cannot be followed is told, and nothing changes."""
+        What is in a hand may be on its way to a goal.
+        """
+        full = full_hands(scope.problem, ready_plan.plan.steps, course.world.facts)
+        return standing_of(
+            compiled.program, self.driver.now_ms(), course.standing.number, unrested=full
+        )
+
+    def _changed(
+        self, course: RunLoop, handler: ExceptionHandler, given: GivenOrder
+    ) -> Finish | None:
+        """What an order at a pause makes of the plan.
+
+        An order that cannot be followed is told, and nothing changes.
+        """
         if given.order is OperatorCommand.ABORT:
             self.driver.halt()
             return self._end(course, handler.scope, ABORTED, "aborted by order")
         try:
             scope, joined_program = change_run(course, handler.scope, given, self.limits)
         except OrderRefused as error:
-            self.recorder.note(RecordKind.DECISION, what=f"{given.order.value} refused", why=str(error))
+            self.recorder.note(
+                RecordKind.DECISION, what=f"{given.order.value} refused", why=str(error)
+            )
             return None
         if given.order is OperatorCommand.ADD:
             addition_entry = {
@@ -258,19 +316,27 @@ class RunExecution:
             }
             self.additions.append(addition_entry)
             more = read_addition(handler.scope.problem, given.text)
-            self.problem = extend_problem(self.problem, more.words, ()) if more.words else self.problem
+            self.problem = (
+                extend_problem(self.problem, more.words, ()) if more.words else self.problem
+            )
         handler.scope = scope
         self.follow(course, scope, joined_program.ready, given.order.value, joined_program.standing)
         return None
 
     def _reviewed(self, course: RunLoop, handler: ExceptionHandler, why: str) -> None:
-        """Follow a better plan for what is left, if there is one: one that keeps what this one would break, or is sooner done."""
+        """Follow a better plan for what is left, if there is one: one that keeps what this one
+        would break, or is sooner done.
+        """
         better = review_plan(course, handler.scope, self.limits)
         if better is not None:
             self.recorder.note(
-                RecordKind.DECISION, what="another order of what is left", why=f"{why}: {better.why}"
+                RecordKind.DECISION,
+                what="another order of what is left",
+                why=f"{why}: {better.why}",
             )
-            self.follow(course, handler.scope, better.joined.ready, "reschedule", better.joined.standing)
+            self.follow(
+                course, handler.scope, better.joined.ready, "reschedule", better.joined.standing
+            )
 
     def _chosen(self, course: RunLoop, handler: ExceptionHandler) -> None:
         """Let equal things exchange their roles, if all is sooner done so."""
@@ -282,11 +348,15 @@ class RunExecution:
                 what=f"exchanged: {choice.what}",
                 why="all is done sooner with what is free",
             )
-            self.follow(course, handler.scope, choice.joined.ready, "choice", choice.joined.standing)
+            self.follow(
+                course, handler.scope, choice.joined.ready, "choice", choice.joined.standing
+            )
             course.waited = waited
 
     def _finished(self, course: RunLoop, handler: ExceptionHandler) -> Finish | None:
-        """The end of the last plan: whether all original goals hold is looked up in the world, not taken from the plan. An inspection may go on."""
+        """The end of the last plan: whether all original goals hold is looked up in the world,
+        not taken from the plan. An inspection may go on.
+        """
         further = self.inspector.onward(self.problem, course, handler, self.limits)
         if isinstance(further, GivesUp):
             return self._gives_up(course, handler, further)

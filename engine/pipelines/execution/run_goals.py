@@ -25,14 +25,17 @@ FACT_PATTERN = re.compile(r"\s*(\w+)\s*\(.*\)\s*", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class Addition:
-    """Words that are understood by themselves, and facts about times with those of the run's clock; both may be empty."""
+    """Words that are understood by themselves, and facts about times with those of the run's
+    clock; both may be empty.
+    """
 
     words: str = ""
     wishes: tuple[Atom, ...] = ()
 
 
 def read_addition(problem: Problem, text: str, now_ms: int = 0) -> Addition:
-    """What a text adds: a command in words, `due(probe_2, 40 min)`, `priority(probe_2, 3)`, separated by `;`.
+    """What a text adds: a command in words, `due(probe_2, 40 min)`, `priority(probe_2, 3)`,
+    separated by `;`.
 
     Times in it count from now on. Raises `InvalidInput`.
     """
@@ -47,7 +50,9 @@ def read_addition(problem: Problem, text: str, now_ms: int = 0) -> Addition:
 
 
 def extend_problem(problem: Problem, words: str, wishes: Sequence[Atom]) -> Problem:
-    """A problem with what is added to it; a wish takes the place of an older one about the same object."""
+    """A problem with what is added to it; a wish takes the place of an older one about the same
+    object.
+    """
     changed_problem = (
         replace(problem, statics=_replace_wishes(problem.statics, wishes)) if wishes else problem
     )
@@ -78,10 +83,14 @@ def _read_wish(problem: Problem, text: str, now: int) -> Atom:
     try:
         atom = parse_expression("atoms", text, problem.domain.time_unit).value[0]
     except ExpressionError as error:
-        raise _addition_error(f"'{text}' cannot be read: {error}", "write due(probe_2, 40 min)") from None
+        raise _addition_error(
+            f"'{text}' cannot be read: {error}", "write due(probe_2, 40 min)"
+        ) from None
     subject, value = (*atom.arguments, None, None)[:2]
     if len(atom.arguments) != 2 or not isinstance(value, Number):
-        raise _addition_error(f"'{text}' needs an object and a number", f"write {atom.name}(OBJECT, NUMBER)")
+        raise _addition_error(
+            f"'{text}' needs an object and a number", f"write {atom.name}(OBJECT, NUMBER)"
+        )
     if subject not in (subjects := _wish_subjects(problem)):
         raise _addition_error(
             f"unknown object '{subject}'", nearest_hint(str(subject), list(map(str, subjects)))
@@ -92,7 +101,9 @@ def _read_wish(problem: Problem, text: str, now: int) -> Atom:
 
 def _wish_subjects(problem: Problem) -> tuple[Term, ...]:
     objects = (Function(name) for name in {**problem.domain.objects, **problem.objects})
-    return tuple(dict.fromkeys((*(c.subject for c in problem.chains if c.subject is not None), *objects)))
+    return tuple(
+        dict.fromkeys((*(c.subject for c in problem.chains if c.subject is not None), *objects))
+    )
 
 
 def _replace_wishes(statics: Sequence[Atom], wishes: Sequence[Atom]) -> tuple[Atom, ...]:
@@ -110,7 +121,9 @@ def _addition_error(message: str, hint: str) -> InvalidInput:
 
 
 def merge_further_goals(problem: Problem, further: Problem) -> Problem:
-    """A problem with the goals and chains of another one; chains of the same subject come behind those that are there."""
+    """A problem with the goals and chains of another one; chains of the same subject come
+    behind those that are there.
+    """
     taken = {chain.name for chain in problem.chains}
     chains = list(problem.chains)
     for chain in further.chains:
@@ -119,9 +132,13 @@ def merge_further_goals(problem: Problem, further: Problem) -> Problem:
         name = chain.name
         while name in taken:
             name = f"{name}'"
-        behind = tuple(c.name for c in problem.chains if c.subject is not None and c.subject == chain.subject)
+        behind = tuple(
+            c.name for c in problem.chains if c.subject is not None and c.subject == chain.subject
+        )
         taken.add(name)
-        chains.append(replace(chain, name=name, after=tuple(dict.fromkeys((*chain.after, *behind)))))
+        chains.append(
+            replace(chain, name=name, after=tuple(dict.fromkeys((*chain.after, *behind))))
+        )
     old_goals = set(map(str, goal_parts(problem.goal)))
     new = [part for part in goal_parts(further.goal) if str(part) not in old_goals]
     goal = And((*goal_parts(problem.goal), *new)) if new else problem.goal
@@ -130,9 +147,11 @@ def merge_further_goals(problem: Problem, further: Problem) -> Problem:
 
 @dataclass(frozen=True, slots=True)
 class RunScope:
-    """The original problem with the goals that are pursued, and what was given up of them so far, with reasons.
+    """The original problem with the goals that are pursued, and what was given up of them so far,
+    with reasons.
 
-    `lost` are resources that cannot be used any more, `blocked` are patterns of steps that are not taken any more.
+    `lost` are resources that cannot be used any more, `blocked` are patterns of steps that are not
+    taken any more.
     """
 
     problem: Problem
@@ -148,7 +167,9 @@ class RunScope:
     def changed(self, revision: Revision) -> "RunScope":
         """The scope without what a case has found to be lost, or to fail."""
         lost = tuple(dict.fromkeys((*self.lost, *revision.lost)))
-        blocked = tuple(dict.fromkeys((*self.blocked, *(pattern for pattern, _ in revision.blocked))))
+        blocked = tuple(
+            dict.fromkeys((*self.blocked, *(pattern for pattern, _ in revision.blocked)))
+        )
         if (lost, blocked) == (self.lost, self.blocked):
             return self
         more = [pattern for pattern in blocked if pattern not in self.blocked]
@@ -161,9 +182,13 @@ class RunScope:
         self, left: Problem, state: WorldState, given_up: tuple[RelinquishedGoal, ...]
     ) -> "RunScope":
         """The scope after a recovery: `left` is what it plans for from a state on."""
-        lengths = {chain.name: state.reached[chain.name] + len(chain.stages) for chain in left.chains}
+        lengths = {
+            chain.name: state.reached[chain.name] + len(chain.stages) for chain in left.chains
+        }
         done = finished_chains(self.problem.chains, state.reached)
-        lengths |= {chain.name: len(chain.stages) for chain in self.problem.chains if chain.name in done}
+        lengths |= {
+            chain.name: len(chain.stages) for chain in self.problem.chains if chain.name in done
+        }
         lengths |= {
             chain.name: state.reached[chain.name]
             for chain in self.problem.chains
@@ -192,7 +217,9 @@ class RunScope:
         return replace(self, problem=replace(self.problem, chains=chains, goal=goal))
 
     def _wanted(self, whole: Condition, goals: Collection[str]) -> Iterator[Condition]:
-        """A goal if it is named; else what of it is: of a goal about all objects, some may be left."""
+        """A goal if it is named; else what of it is: of a goal about all objects, some may be
+        left.
+        """
         if str(whole) in goals:
             yield whole
         else:

@@ -20,10 +20,17 @@ class RecordLedger(Protocol):
 
 
 class Recorder:
-    """Notes records in groups. When a run is taken up again inside a case, it first meets the records that are there already."""
+    """Notes records in groups.
+
+    When a run is taken up again inside a case, it first meets the records that are there already.
+    """
 
     def __init__(
-        self, ledger: RecordLedger, clock: Callable[[], int], watchers: Sequence[Watcher] = (), last: int = 0
+        self,
+        ledger: RecordLedger,
+        clock: Callable[[], int],
+        watchers: Sequence[Watcher] = (),
+        last: int = 0,
     ) -> None:
         self.ledger, self.clock, self.watchers, self.last = ledger, clock, tuple(watchers), last
         self.waiting: list[JournalRecord] = []
@@ -72,10 +79,15 @@ JOURNAL_ERRORS = (
 
 @contextmanager
 def reading_past(store: str, run: str) -> Iterator[None]:
-    """A context that reads the records of a run. Raises `InvalidInput` where they say what no run writes."""
+    """A context that reads the records of a run.
+
+    Raises `InvalidInput` where they say what no run writes.
+    """
     try:
         yield
     except JOURNAL_ERRORS as error:
-        reason = f"the journal of run '{run}' says what no run writes: {type(error).__name__}: {error}"
+        reason = (
+            f"the journal of run '{run}' says what no run writes: {type(error).__name__}: {error}"
+        )
         hint = "`cellwright store restore BACKUP --replace` puts a backup in its place"
         raise InvalidInput([Diagnostic(Source(store), "K422", reason[:200], hint)]) from error

@@ -1,7 +1,7 @@
 """Run loop: waits for replies and orders, and takes each through the table of the executive.
 
-Everything is noted before it takes effect: commands are sent only after the group of records that holds them is on the disk.
-What the table wants done, `Progress` does.
+Everything is noted before it takes effect: commands are sent only after the group of records that
+holds them is on the disk. What the table wants done, `Progress` does.
 """
 
 from collections.abc import Mapping
@@ -40,7 +40,10 @@ class RunLoop(RunProgress):
             self._begin()
         self.flush()
         while self.turn is None:
-            if self.standing.phase is RunPhase.RUNNING and (turn := self._looks_ahead()) is not None:
+            if (
+                self.standing.phase is RunPhase.RUNNING
+                and (turn := self._looks_ahead()) is not None
+            ):
                 return turn
             self.wait()
             self.flush()
@@ -48,7 +51,9 @@ class RunLoop(RunProgress):
         return turn
 
     def _begin(self) -> None:
-        """Begin the program; if the run was told to pause before it had a program, go no further than that asks for."""
+        """Begin the program; if the run was told to pause before it had a program, go no
+        further than that asks for.
+        """
         if self.standing.phase is not RunPhase.READY:
             self.take(executive.TimePassed())
         elif self.interrupts:
@@ -57,7 +62,9 @@ class RunLoop(RunProgress):
             self.take(executive.Began())
 
     def _looks_ahead(self) -> LoopTurn | None:
-        """Come back if what is left is to be looked at again, or if something is waited for that another thing could serve."""
+        """Come back if what is left is to be looked at again, or if something is waited for
+        that another thing could serve.
+        """
         if self.review:
             why, self.review = self.review, ""
             return LoopTurn(RunPhase.RUNNING, why=why, review=True)
@@ -108,7 +115,10 @@ class RunLoop(RunProgress):
         """Take in a message of the driver."""
         if isinstance(message, Trouble):
             self.recorder.note(
-                RecordKind.TROUBLE, trouble=message.kind.value, text=message.text, command=message.number
+                RecordKind.TROUBLE,
+                trouble=message.kind.value,
+                text=message.text,
+                command=message.number,
             )
             if message.kind is TroubleKind.LOST:
                 self.turn = LoopTurn(RunPhase.STOPPED, why=f"{CONTROLLER_LOST}: {message.text}")
@@ -133,11 +143,17 @@ class RunLoop(RunProgress):
         self.heed(given.order)
         event = EVENT_OF_ORDER.get(given.order)
         if event is not None:
-            if self.standing.phase is not RunPhase.READY or given.order is not OperatorCommand.INTERRUPT:
+            if (
+                self.standing.phase is not RunPhase.READY
+                or given.order is not OperatorCommand.INTERRUPT
+            ):
                 self._told(event, given.order)
         elif given.order is OperatorCommand.ANSWER:
             self._answered(given)
-        elif self.turn is not None or self.standing.phase in (RunPhase.QUIESCING, RunPhase.HANDLING):
+        elif self.turn is not None or self.standing.phase in (
+            RunPhase.QUIESCING,
+            RunPhase.HANDLING,
+        ):
             self.pending.append(
                 given
             )  # first comes what came before it, or it has to be found out what went wrong
@@ -145,26 +161,39 @@ class RunLoop(RunProgress):
             self.turn = LoopTurn(self.standing.phase, given=given)
 
     def heed(self, order: OperatorCommand) -> None:
-        """Keep in mind that the run shall pause, also while it cannot: as long as an exception is handled, say."""
+        """Keep in mind that the run shall pause, also while it cannot: as long as an exception
+        is handled, say.
+        """
         if order in (OperatorCommand.INTERRUPT, OperatorCommand.CONTINUE):
             self.interrupts = order is OperatorCommand.INTERRUPT
 
     def _told(self, event: executive.Event, order: OperatorCommand) -> None:
-        """Take an order through the table, and note the phase that it leads to. A pause notes itself."""
+        """Take an order through the table, and note the phase that it leads to.
+
+        A pause notes itself.
+        """
         before = self.standing.phase
         self.take(event)
         if self.standing.phase not in (before, RunPhase.PAUSED):
             self.recorder.note(RecordKind.PHASE, phase=self.standing.phase.value, why=order.value)
 
     def _answered(self, given: GivenOrder) -> None:
-        """Take a step for a person for done that a person has confirmed; the answer names the step if several are open."""
+        """Take a step for a person for done that a person has confirmed; the answer names the
+        step if several are open.
+        """
         asked = {
-            n: activity for n, r in self.standing.running.items() if (activity := self._activity(r)).asks
+            n: activity
+            for n, r in self.standing.running.items()
+            if (activity := self._activity(r)).asks
         }
-        named = [n for n, activity in asked.items() if given.text.strip() in (str(n), activity.action)]
+        named = [
+            n for n, activity in asked.items() if given.text.strip() in (str(n), activity.action)
+        ]
         if len(numbers := named or (list(asked) if not given.text.strip() else [])) != 1:
             open_ = ", ".join(activity.action for activity in asked.values()) or "nothing"
-            self.recorder.note(RecordKind.DECISION, what="answer refused", why=f"a person is asked: {open_}")
+            self.recorder.note(
+                RecordKind.DECISION, what="answer refused", why=f"a person is asked: {open_}"
+            )
             return
         self.recorder.note(RecordKind.REPLY, command=numbers[0], text="done", data={})
         self.take(executive.Replied(numbers[0]))
@@ -213,11 +242,15 @@ class RunLoop(RunProgress):
 
     def _quiesce(self) -> None:
         """Have the driver begin nothing more, and take in what came meanwhile."""
-        self.recorder.note(RecordKind.PHASE, phase=RunPhase.QUIESCING.value, why="a step has failed")
+        self.recorder.note(
+            RecordKind.PHASE, phase=RunPhase.QUIESCING.value, why="a step has failed"
+        )
         self.flush()
         came = self.driver.quiesce(QUIET_MS)
         reports = self.driver.report(sorted(self.standing.running))
-        dropped = [report.number for report in reports if report.fate.value in ("dropped", "unknown")]
+        dropped = [
+            report.number for report in reports if report.fate.value in ("dropped", "unknown")
+        ]
         if dropped:
             not_begun(self, dropped)
             self.take(executive.Withdrawn(tuple(dropped)))
@@ -225,7 +258,10 @@ class RunLoop(RunProgress):
             self.hear(message)
 
     def flush(self) -> None:
-        """Write what was noted, then send what was posted. Raises `JournalFailure`; then nothing was sent."""
+        """Write what was noted, then send what was posted.
+
+        Raises `JournalFailure`; then nothing was sent.
+        """
         if self.checkpoint is not None and self._is_time():
             self.noted = self._saved(self.checkpoint)
         self.recorder.commit()
@@ -238,7 +274,8 @@ class RunLoop(RunProgress):
     def _saved(self, checkpoint: Checkpoint) -> int:
         """Note a checkpoint, and before it what is left of the plan if that pays; its number.
 
-        Each page is written before the next one is made, so a long plan is never in memory a second time.
+        Each page is written before the next one is made, so a long plan is never in memory a second
+        time.
         """
         for page in checkpoint.rest():
             number = self.recorder.note(RecordKind.CHECKPOINT, rest=page).number
@@ -259,7 +296,9 @@ class RunLoop(RunProgress):
         program = self.compiled.program
         under_way = tuple(
             Underway(
-                DriverCommand(number, CommandKind.STEP, a.stream, a.action, a.says, lasts_ms=a.lasts_ms),
+                DriverCommand(
+                    number, CommandKind.STEP, a.stream, a.action, a.says, lasts_ms=a.lasts_ms
+                ),
                 running.since_ms,
                 running.since_ms + a.lasts_ms,
                 a.id,
@@ -287,13 +326,19 @@ EVENT_OF_ORDER: Mapping[OperatorCommand, executive.Event] = {
 
 
 def is_approved(course: RunLoop) -> bool:
-    """Whether a person lets the run begin; False if the run is stopped, or if nobody can ever say so."""
+    """Whether a person lets the run begin; False if the run is stopped, or if nobody can ever
+    say so.
+    """
     course.recorder.note(RecordKind.PHASE, phase=RunPhase.READY.value, why="waits for approval")
     course.flush()
     while True:
         for given_order in course.orders.due(course.driver.now_ms()):
             course.order(given_order)
-            if given_order.order in (OperatorCommand.APPROVE, OperatorCommand.STOP, OperatorCommand.ABORT):
+            if given_order.order in (
+                OperatorCommand.APPROVE,
+                OperatorCommand.STOP,
+                OperatorCommand.ABORT,
+            ):
                 return given_order.order is OperatorCommand.APPROVE
         if not course.orders.wait():
             return False

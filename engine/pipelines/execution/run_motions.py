@@ -1,7 +1,8 @@
 """Motions of a run: what its arms can do in the cell as believed, kept apart from each other.
 
-The orders of a plan keep its arms apart as long as they move as planned. An arm may take another way while a run goes on, because
-it has met something or stands elsewhere. So each step is looked at once more, before it is sent, beside what all other arms do then.
+The orders of a plan keep its arms apart as long as they move as planned. An arm may take another
+way while a run goes on, because it has met something or stands elsewhere. So each step is looked at
+once more, before it is sent, beside what all other arms do then.
 """
 
 import math
@@ -36,7 +37,10 @@ from cellwright.engine.pipelines.motion.seen_bodies import (
 )
 from cellwright.engine.pipelines.planning.goal_selection import RelinquishedGoal
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
-from cellwright.engine.pipelines.planning.restrictions import forbid_unreachable_steps, refusal_sentence
+from cellwright.engine.pipelines.planning.restrictions import (
+    forbid_unreachable_steps,
+    refusal_sentence,
+)
 from cellwright.engine.pipelines.recovery import Dynamics
 from cellwright.engine.pipelines.recovery.observations import correct_state
 from cellwright.engine.pipelines.recovery.replanning import recover_goals
@@ -71,13 +75,15 @@ class ArmInterlock:
         return cls(ArmEncounters(geometry_backend())) if len(cell.arms) > 1 else None
 
     def met(self, number: int, moment: StepMoment, where: Where) -> str:
-        """What the arms of a step meet, as the command of that number; empty if nothing, and the step is under way then.
+        """What the arms of a step meet, as the command of that number; empty if nothing, and the
+        step is under way then.
 
         `where` is where all arms were before it.
         """
         own = _ArmsUnderWay(
             {arm: tuple(passages_of(moment, arm, where[arm][0])) for arm in moment.arms},
-            moment.moved is not None and any(leg.kind is LegKind.DRIVE for leg in moment.moved.legs),
+            moment.moved is not None
+            and any(leg.kind is LegKind.DRIVE for leg in moment.moved.legs),
         )
         for arm in where:
             if arm not in own.passages and (how := self._meets(own, arm, moment, where)):
@@ -86,7 +92,10 @@ class ArmInterlock:
         return ""
 
     def _meets(self, own: _ArmsUnderWay, arm: str, moment: StepMoment, where: Where) -> str:
-        """How a step meets another arm; empty if it does not. An arm that rides is taken to meet one that moves."""
+        """How a step meets another arm; empty if it does not.
+
+        An arm that rides is taken to meet one that moves.
+        """
         mine = [passage for passages in own.passages.values() for passage in passages]
         for command in self._under_way.values():
             if arm in command.passages:
@@ -96,7 +105,9 @@ class ArmInterlock:
         return "where it stands" if self._any(mine, [rest]) else ""
 
     def _any(self, mine: Sequence[ArmPassage], theirs: Sequence[ArmPassage]) -> bool:
-        return any(self.encounters.meet(passage, arm_passage) for passage in mine for arm_passage in theirs)
+        return any(
+            self.encounters.meet(passage, arm_passage) for passage in mine for arm_passage in theirs
+        )
 
     def ended(self, number: int) -> None:
         """A command has ended, or was stopped."""
@@ -127,7 +138,9 @@ Facts = frozenset[Atom]
 
 @dataclass(frozen=True, slots=True)
 class ReroutedPlan:
-    """A plan from where a run stands that moves: its problem, with the real times of its steps, and what was given up for it."""
+    """A plan from where a run stands that moves: its problem, with the real times of its steps,
+    and what was given up for it.
+    """
 
     problem: Problem
     plan: Plan
@@ -137,7 +150,8 @@ class ReroutedPlan:
 
 @dataclass(eq=False)
 class RunPaths:
-    """The motions of a run of a problem. `cell` is the cell as its file has it, `met` what was seen beside.
+    """The motions of a run of a problem. `cell` is the cell as its file has it, `met` what was seen
+    beside.
 
     After the steps in `home` arms go to where they rest, out of the way of others.
     """
@@ -168,7 +182,8 @@ class RunPaths:
         return PlanWalk(semantics, cell, geometry_backend(), self.seed, ways=self.ways, lying=lying)
 
     def refusal(self, number: int, step: Function, before: Facts, after: Facts) -> str:
-        """Why a step has no motion from where the arm stands, as the command of that number; empty if it has one, or needs none.
+        """Why a step has no motion from where the arm stands, as the command of that number; empty
+        if it has one, or needs none.
 
         The arm is at its end then.
         """
@@ -184,7 +199,9 @@ class RunPaths:
             return f"{step} has no motion: {motion.reason}"
         if self._apart is not None:
             motion = self._walk.then_home(motion, after) if step in self.home else motion
-            self._why = self._apart.met(number, step_moment(self._walk, motion, before, after), where)
+            self._why = self._apart.met(
+                number, step_moment(self._walk, motion, before, after), where
+            )
             if self._why:
                 self._walk.hands.put(where)
                 return f"{step} is not begun: {self._why}"
@@ -196,8 +213,9 @@ class RunPaths:
     def lasts_ms(self, number: int) -> int | None:
         """How long the motion of a step takes, which was looked at as the command of that number.
 
-        None if it needs none, or if the plan alone says how long: a body that carries the arm has no speeds. A plan counts whole units
-        of time, rounded up for each step; over a thousand points that adds up.
+        None if it needs none, or if the plan alone says how long: a body that carries the arm has
+        no speeds. A plan counts whole units of time, rounded up for each step; over a thousand
+        points that adds up.
         """
         return self._lasts_ms.pop(number, None)
 
@@ -214,7 +232,9 @@ class RunPaths:
         if before is None:
             return {}
         now = self._walk.hands.where()
-        return {arm: _place_entry(*now[arm]) for arm in now if not _same_place(now[arm], before[arm])}
+        return {
+            arm: _place_entry(*now[arm]) for arm in now if not _same_place(now[arm], before[arm])
+        }
 
     def stopped(self, number: int) -> None:
         """A step was stopped: its arms are where they were before it."""
@@ -232,7 +252,9 @@ class RunPaths:
 
     def taken_up(self, met: Mapping[str, Any], arms: Mapping[str, Any]) -> None:
         """Go on with what the journal has of a run."""
-        seen, _ = seen_in({BODIES_SEEN: {name: entry for name, entry in met.items() if entry}}, self.cell)
+        seen, _ = seen_in(
+            {BODIES_SEEN: {name: entry for name, entry in met.items() if entry}}, self.cell
+        )
         self.met = {body.name: body for body in seen}
         self._walk = self._fresh(self.problem) if self.met else self._walk
         self.stands(arms)
@@ -244,7 +266,8 @@ class RunPaths:
     def sees(self, seen: Sequence[SeenBody], facts: Facts) -> Facts:
         """The facts after some bodies were seen.
 
-        A body that the cell knows is where a fact puts it, if it was seen at a place; else it lies where it was seen.
+        A body that the cell knows is where a fact puts it, if it was seen at a place; else it lies
+        where it was seen.
         """
         where = self._walk.hands.where()
         self.last = " and ".join(body.name for body in seen)
@@ -252,7 +275,9 @@ class RunPaths:
             self.met.pop(body.name, None)
             is_known = body.name in self.cell.bodies
             places = at_places(self.cell, body)[:1] if is_known else ()
-            gone = tuple(fact for fact in placing_facts(self.cell, facts, (body.name,)) if fact not in places)
+            gone = tuple(
+                fact for fact in placing_facts(self.cell, facts, (body.name,)) if fact not in places
+            )
             try:
                 facts = frozenset(correct_state(Dynamics(self.problem), facts, places, gone))
             except InvalidInput:  # the domain does not let it be there: it is in the way, no more
@@ -264,7 +289,9 @@ class RunPaths:
         return facts
 
     def forget(self) -> None:
-        """A person has put the cell right: what was met is gone, and what had no motion may have one."""
+        """A person has put the cell right: what was met is gone, and what had no motion may
+        have one.
+        """
         where = self._walk.hands.where()
         self.met.clear()
         self._refused.clear()
@@ -274,7 +301,9 @@ class RunPaths:
     def rerouted(
         self, rest: Problem, left: Plan | None, facts: Facts, limits: SearchLimits
     ) -> ReroutedPlan | str:
-        """A plan for what is left of a run, from some facts and from where the arm stands, in which every step moves; why there is none."""
+        """A plan for what is left of a run, from some facts and from where the arm stands, in
+        which every step moves; why there is none.
+        """
         where = self._walk.hands.where()
         while len(self._refused) <= MAX_REFUSED_STEPS:
             recovery = recover_goals(
@@ -299,12 +328,17 @@ class RunPaths:
             return replace(
                 timed_plan, given_up=tuple(replace(g, why=self._lost(g)) for g in recovery.given_up)
             )
-        return f"{len(self._refused)} steps have no motion; the last: {refusal_sentence(self._refused[-1:])}"
+        return (
+            f"{len(self._refused)} steps have no motion; the last: "
+            f"{refusal_sentence(self._refused[-1:])}"
+        )
 
     def _in_time(
         self, walk: PlanWalk, problem: Problem, plan: Plan, moved: Sequence[MovedStep]
     ) -> ReroutedPlan | str:
-        """A plan with the times of its motions, in which several arms keep apart; why they cannot."""
+        """A plan with the times of its motions, in which several arms keep apart; why they
+        cannot.
+        """
         if self._apart is None:
             return ReroutedPlan(*with_times(problem, plan, moved))
 
@@ -319,7 +353,9 @@ class RunPaths:
         return ReroutedPlan(*with_times(problem, shared.plan, shared.steps), starts=shared.starts)
 
     def _lost(self, given_up: RelinquishedGoal) -> str:
-        return f"{given_up.why}; {refusal_sentence(self._refused)}" if self._refused else given_up.why
+        return (
+            f"{given_up.why}; {refusal_sentence(self._refused)}" if self._refused else given_up.why
+        )
 
 
 def _same_place(one: tuple[Any, Front | None], other: tuple[Any, Front | None]) -> bool:
@@ -330,7 +366,12 @@ def _place_entry(q: Any, front: Front | None) -> dict[str, Any]:
     entry: dict[str, Any] = {"q": q.tolist()}
     if front is None:
         return entry
-    return {**entry, "place": front.place, "inside": front.inside, "straight": front.straight.tolist()}
+    return {
+        **entry,
+        "place": front.place,
+        "inside": front.inside,
+        "straight": front.straight.tolist(),
+    }
 
 
 def _read_place(entry: Mapping[str, Any]) -> tuple[Any, Front | None]:

@@ -17,7 +17,11 @@ from cellwright.engine.model.run_protocol import (
     RunState,
 )
 from cellwright.engine.model.verdicts import Spoilt
-from cellwright.engine.pipelines.execution.compiled_program import GRACE_MS, TIMEOUT_FACTOR, CompiledProgram
+from cellwright.engine.pipelines.execution.compiled_program import (
+    GRACE_MS,
+    TIMEOUT_FACTOR,
+    CompiledProgram,
+)
 from cellwright.engine.pipelines.execution.operator_orders import GivenOrder, OrderSource
 from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
 from cellwright.engine.pipelines.execution.run_journal import Recorder
@@ -35,7 +39,15 @@ from cellwright.kb.asp import AspError, ground_term
 from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.model.measured_results import Measured
 from cellwright.kb.model.plan_model import Plan
-from cellwright.kb.terms import Atom, Function, Term, Variable, is_ground, match_term, substitute_term
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Term,
+    Variable,
+    is_ground,
+    match_term,
+    substitute_term,
+)
 
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.execution.run_motions import RunPaths
@@ -58,8 +70,12 @@ def command_of(number: int, activity: Activity) -> DriverCommand:
     )
 
 
-def case_command(desk: DiagnosisCase, name: str, outcomes: Sequence[str], unit: Fraction) -> DriverCommand:
-    """The command for a test or a repair of a case, or for the question to a person; a unit of costs is so many ms."""
+def case_command(
+    desk: DiagnosisCase, name: str, outcomes: Sequence[str], unit: Fraction
+) -> DriverCommand:
+    """The command for a test or a repair of a case, or for the question to a person; a unit of
+    costs is so many ms.
+    """
     model = desk.model
     action = model.tests.get(name) or model.repairs.get(name)
     lasts = int((action.duration or action.cost if action is not None else model.stop) * unit)
@@ -70,7 +86,9 @@ def case_command(desk: DiagnosisCase, name: str, outcomes: Sequence[str], unit: 
     says = desk.says(name) if action is not None else desk.session.diagnosis().question_text
     stream = "person" if asks else "cell"
     timeout = TIMEOUT_FACTOR * lasts + GRACE_MS
-    return DriverCommand(0, kind, stream, name, says, "", tuple(outcomes), lasts, timeout, asks=asks)
+    return DriverCommand(
+        0, kind, stream, name, says, "", tuple(outcomes), lasts, timeout, asks=asks
+    )
 
 
 class Replies:
@@ -104,7 +122,9 @@ class Replies:
 
 
 def match_reply(pattern: Term, text: str) -> Mapping[Variable, Term] | None:
-    """What the variables of a reply pattern are in a reply; None if it is not the one that is expected."""
+    """What the variables of a reply pattern are in a reply; None if it is not the one that is
+    expected.
+    """
     try:
         return match_term(pattern, ground_term(text), {})
     except AspError:
@@ -118,9 +138,13 @@ def exception_of(base: FaultModel | None, step: Function, reply: str) -> str | N
     fitting = [
         known_exception
         for known_exception in base.exceptions.values()
-        if known_exception.operator is None or match_term(known_exception.operator, step, {}) is not None
+        if known_exception.operator is None
+        or match_term(known_exception.operator, step, {}) is not None
     ]
-    return next((known_exception.name for known_exception in fitting if known_exception.reply == reply), None)
+    return next(
+        (known_exception.name for known_exception in fitting if known_exception.reply == reply),
+        None,
+    )
 
 
 def motion_refusal(
@@ -131,7 +155,8 @@ def motion_refusal(
     number: int,
     activity: Activity,
 ) -> str:
-    """Why a step has no motion in the cell as it is believed to be, as the command of that number; empty if it has one.
+    """Why a step has no motion in the cell as it is believed to be, as the command of that number;
+    empty if it has one.
 
     The commands that are before it in the queue of its device will have ended.
     """
@@ -143,12 +168,17 @@ def motion_refusal(
         if earlier.stream == activity.stream and earlier.id != activity.id:
             before = _facts_after(before, compiled.changes[earlier.id])
     return paths.refusal(
-        number, read_ground_atom(activity.action), before, _facts_after(before, compiled.changes[activity.id])
+        number,
+        read_ground_atom(activity.action),
+        before,
+        _facts_after(before, compiled.changes[activity.id]),
     )
 
 
 def with_motion_time(paths: "RunPaths | None", number: int, activity: Activity) -> Activity:
-    """A step that was looked at as the command of that number, with the time of its motion in place of the forecast."""
+    """A step that was looked at as the command of that number, with the time of its motion in
+    place of the forecast.
+    """
     lasts = paths.lasts_ms(number) if paths is not None else None
     return activity if lasts is None else replace(activity, lasts_ms=lasts)
 
@@ -170,7 +200,8 @@ PLACED_KINDS = (
 )  # commands that may move along the part
 RECORDS_PER_CHECKPOINT = 5_000  # records from one checkpoint to the next
 NOTICED_MS = (
-    30_000  # by which a step may end later or sooner than forecast before the plan is looked at again
+    # by which a step may end later or sooner than forecast before the plan is looked at again
+    30_000
 )
 FORECAST_MISSED = "steps take longer or less than was forecast"
 GROWING_KEYS = (
@@ -189,8 +220,8 @@ VERDICT_FIELDS = (
 
 @dataclass(frozen=True, slots=True)
 class LoopTurn:
-    """Why the loop came back: every step is done, something failed, an order needs more than the table, the rest of the plan
-    is to be reviewed, or the run is over.
+    """Why the loop came back: every step is done, something failed, an order needs more than the
+    table, the rest of the plan is to be reviewed, or the run is over.
     """
 
     phase: RunPhase
@@ -208,10 +239,12 @@ def head_of(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass
 class WrittenPlan:
-    """What the journal holds of the plan: `number` is that of the record with its steps, of which so many were `steps`.
+    """What the journal holds of the plan: `number` is that of the record with its steps, of which
+    so many were `steps`.
 
-    `done` are those of them that have ended since. `head` is what the record says beside the steps. `checkpoint` is the number of
-    the last checkpoint, until which so much of the run's `history` is written.
+    `done` are those of them that have ended since. `head` is what the record says beside the steps.
+    `checkpoint` is the number of the last checkpoint, until which so much of the run's `history` is
+    written.
     """
 
     number: int = 0
@@ -229,7 +262,9 @@ class WrittenPlan:
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """What a checkpoint holds: how the run stands, and what is left of its plan, page by page, if it is time to write that."""
+    """What a checkpoint holds: how the run stands, and what is left of its plan, page by page,
+    if it is time to write that.
+    """
 
     state: Callable[[], dict[str, Any]]
     rest: Callable[[], Iterator[dict[str, Any]]]
@@ -256,7 +291,8 @@ class RunProgress:
     done: MutableSet[int] = field(default_factory=NumberSet)
     written: WrittenPlan = field(default_factory=WrittenPlan)
     outbox: list[DriverCommand] = field(default_factory=list)
-    pending: list[GivenOrder] = field(default_factory=list)  # orders that came while an exception was handled
+    # orders that came while an exception was handled
+    pending: list[GivenOrder] = field(default_factory=list)
     sent: dict[int, tuple[dict[str, Any], int]] = field(
         default_factory=dict
     )  # under way, as noted, since when
@@ -267,10 +303,12 @@ class RunProgress:
         None  # the program with steps that were done before the run was taken up again
     )
     turn: LoopTurn | None = None
-    accuracy: Accuracy = field(default_factory=Accuracy)  # of the forecasts of this run, as far as it is
+    # of the forecasts of this run, as far as it is
+    accuracy: Accuracy = field(default_factory=Accuracy)
     interrupts: bool = False  # it was told to pause, and has not yet
     review: str = ""  # why what is left of the plan is to be looked at again
-    off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
+    # how far behind its forecast the run was when the plan was made, or last reviewed
+    off_ms: int = 0
     calm: int = 1  # twice as much as before has to change after each review that came to nothing
     looked: tuple[int, frozenset[int]] | None = (
         None  # how it stood when the plan was last reviewed for nothing
@@ -279,7 +317,8 @@ class RunProgress:
         None  # how to take something away, as asked last
     )
     waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
-    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
+    # when facts became true, and measurements began
+    since: dict[Atom, int] = field(default_factory=dict)
     measured: str = ""  # what facts of measurements that are made are called
     look: Callable[[RunState], None] | None = None
     paths: "RunPaths | None" = None  # of a run with motion: what the arm can do
@@ -301,7 +340,9 @@ class RunProgress:
         self.entire = None
 
     def whole(self) -> CompiledProgram:
-        """The program with all steps of the plan, also those that were done before the run was taken up again."""
+        """The program with all steps of the plan, also those that were done before the run was
+        taken up again.
+        """
         return self.compiled if self.entire is None else self.entire()
 
     def planned(self, entry: dict[str, Any]) -> None:
@@ -316,7 +357,11 @@ class RunProgress:
 
     def post(self, command: DriverCommand, step: int | None = None, sent: bool = True) -> None:
         """Note a command, to be sent once the note is on the disk; unless it is not to be sent."""
-        command = replace(command, part=self.part) if self.part and command.kind in PLACED_KINDS else command
+        command = (
+            replace(command, part=self.part)
+            if self.part and command.kind in PLACED_KINDS
+            else command
+        )
         record = self.recorder.note(
             RecordKind.COMMAND,
             command=command.number,
@@ -363,7 +408,8 @@ class RunProgress:
         self.written.done.add(activity)
         if self.compiled.program.timed:
             self.since |= {
-                atom: ended.started_ms if atom.name == self.measured else self.standing.now_ms for atom in new
+                atom: ended.started_ms if atom.name == self.measured else self.standing.now_ms
+                for atom in new
             }
         self._look_at_the_forecast(activity, ended.started_ms)
         self.sent.pop(ended.number, None)
@@ -384,9 +430,13 @@ class RunProgress:
             self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")
 
     def _look_at_the_forecast(self, activity: int, started_ms: int) -> None:
-        """Ask for a review of the plan if this step has ended much later, or sooner, than it was forecast to."""
+        """Ask for a review of the plan if this step has ended much later, or sooner, than it
+        was forecast to.
+        """
         own_activity = self.compiled.program.activities[activity]
-        self.accuracy = self.accuracy.after(self.standing.now_ms - started_ms, own_activity.lasts_ms)
+        self.accuracy = self.accuracy.after(
+            self.standing.now_ms - started_ms, own_activity.lasts_ms
+        )
         off = self.standing.now_ms - (own_activity.start_ms + own_activity.lasts_ms)
         if abs(off - self.off_ms) >= self.calm * max(NOTICED_MS, own_activity.lasts_ms // 10):
             self.off_ms, self.review = off, self.review or FORECAST_MISSED
@@ -394,23 +444,35 @@ class RunProgress:
     def result(self, activity: int, reply: Reply) -> None:
         """Note the fact that a reply gives, and the value that was measured with its verdict."""
         fact_given, step = self.replies.result(activity, reply.text), self.replies.step(activity)
-        measured = self.measuring.heard(step, reply.text, reply.at_ms) if self.measuring is not None else None
+        measured = (
+            self.measuring.heard(step, reply.text, reply.at_ms)
+            if self.measuring is not None
+            else None
+        )
         if fact_given is None and measured is None:
             return
         if measured is not None:
             self.values.append(measured)
-        verdict = {} if measured is None else {name: getattr(measured, name) for name in VERDICT_FIELDS}
+        verdict = (
+            {} if measured is None else {name: getattr(measured, name) for name in VERDICT_FIELDS}
+        )
         action = self.compiled.program.activities[activity].action
         fact = "" if fact_given is None else str(fact_given)
-        self.recorder.note(RecordKind.RESULT, command=reply.number, action=action, result=fact, **verdict)
+        self.recorder.note(
+            RecordKind.RESULT, command=reply.number, action=action, result=fact, **verdict
+        )
 
     def threatened(self, threat: executive.Threatened) -> None:
         """Tell that something stays too long, or will."""
         target = self.compiled.program.activities[threat.dwell.target]
-        threat_text = "it stays too long" if threat.over else "as things stand, it will stay too long"
+        threat_text = (
+            "it stays too long" if threat.over else "as things stand, it will stay too long"
+        )
         late = f"by {round(threat.late_ms / 1000, 3):g} s at least"
         if threat.over:
-            self.told.append(f"what {target.action} takes away stayed too long (longest_stay), {late}")
+            self.told.append(
+                f"what {target.action} takes away stayed too long (longest_stay), {late}"
+            )
         self.recorder.note(
             RecordKind.EXCEPTION,
             exception="stays_too_long",
@@ -433,7 +495,9 @@ def _change_entry(change: StepChange) -> Mapping[str, list[str]]:
 
 
 def looks_entry(command: DriverCommand) -> dict[str, list[Any]]:
-    """What a command's device looks at, and where the part lies, as a record has it; nothing where nothing is said."""
+    """What a command's device looks at, and where the part lies, as a record has it; nothing
+    where nothing is said.
+    """
     entry: dict[str, list[Any]] = {
         "looks": list(command.looks),
         "watches": list(command.watches),

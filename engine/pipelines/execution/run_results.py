@@ -36,7 +36,10 @@ def runs_in(store: str) -> tuple[Begun, ...]:
 
 
 def results_of(store: str, run: str) -> Results:
-    """What a run has given until now. Raises `InvalidInput` if there is no such run, or its target is no longer there."""
+    """What a run has given until now.
+
+    Raises `InvalidInput` if there is no such run, or its target is no longer there.
+    """
     with Journal(store) as journal:
         begun = journal.known(run)
         about = begun.document
@@ -47,7 +50,8 @@ def results_of(store: str, run: str) -> Results:
 
 @dataclass(frozen=True)
 class Told:
-    """The results of a run, and what they show of the part; no survey for a run without measurements.
+    """The results of a run, and what they show of the part; no survey for a run without
+    measurements.
 
     `subjects` are the objects that the workflow is about.
     """
@@ -58,7 +62,10 @@ class Told:
 
 
 def survey_of(store: str, run: str) -> Told:
-    """What a run has given until now, and what that shows. Raises `InvalidInput` as `results_of` does."""
+    """What a run has given until now, and what that shows.
+
+    Raises `InvalidInput` as `results_of` does.
+    """
     from cellwright.engine.pipelines.inspection.feature_verdicts import survey_run  # it needs numpy
 
     with Journal(store) as journal:
@@ -71,18 +78,26 @@ def survey_of(store: str, run: str) -> Told:
             if not results.measured:
                 return Told(results, None, subjects)
             lines_told = list(journal.lines(run, kinds=SURVEY_KIND_NAMES))
-    placed = [(line.content, line.at_ms) for line in lines_told if line.kind == RecordKind.ALIGNMENT.value]
+    placed = [
+        (line.content, line.at_ms) for line in lines_told if line.kind == RecordKind.ALIGNMENT.value
+    ]
     given_up = list(_given_up(lines_told))
     spoilt = spoilt_in(
         (line.content, line.at_ms) for line in lines_told if line.kind == RecordKind.WORLD.value
     )
-    again = _repeat_reasons(line.content for line in lines_told if line.kind == RecordKind.DECISION.value)
-    surveyed = survey_run(problem, results, placed, given_up, _impossible_goals(problem), spoilt, again)
+    again = _repeat_reasons(
+        line.content for line in lines_told if line.kind == RecordKind.DECISION.value
+    )
+    surveyed = survey_run(
+        problem, results, placed, given_up, _impossible_goals(problem), spoilt, again
+    )
     return Told(results, surveyed, subjects)
 
 
 def _given_up(told: Iterable[JournalLine]) -> Iterator[tuple[str, str]]:
-    """The goals that were given up, each with its reason: before a plan was made, or while it was carried out."""
+    """The goals that were given up, each with its reason: before a plan was made, or while it
+    was carried out.
+    """
     for line in told:
         if line.kind == RecordKind.PLAN.value:
             yield from ((goal, why) for goal, why in line.content.get("given_up", ()))
@@ -113,7 +128,10 @@ def read_run_results(begun: Begun, problem: Problem, lines: Iterable[JournalLine
 
 @dataclass
 class _Reader:
-    """Reads a journal line by line. A value counts when its step is done: other replies are exceptions."""
+    """Reads a journal line by line.
+
+    A value counts when its step is done: other replies are exceptions.
+    """
 
     problem: Problem
     measured: list[Measured] = field(default_factory=list)
@@ -140,11 +158,17 @@ class _Reader:
         reply = self.replies.pop(content.get("command", 0), "")
         self._measure(step, reply, line.at_ms)
         changes = [*content.get("adds", ()), *content.get("events", ())]
-        for name_in_step in dict.fromkeys(name for name in _argument_names(step) if name in self.objects):
+        for name_in_step in dict.fromkeys(
+            name for name in _argument_names(step) if name in self.objects
+        ):
             own = tuple(
-                change for change in changes if name_in_step in set(_argument_names(ground_term(change)))
+                change
+                for change in changes
+                if name_in_step in set(_argument_names(ground_term(change)))
             )
-            self.history.append(Treated(name_in_step, str(step), content["started_ms"], line.at_ms, own))
+            self.history.append(
+                Treated(name_in_step, str(step), content["started_ms"], line.at_ms, own)
+            )
 
     def _measure(self, step: Function, reply: str, at_ms: int) -> None:
         measured_value = self.measuring.heard(step, reply, at_ms) if reply else None
@@ -153,7 +177,9 @@ class _Reader:
 
 
 def _argument_names(term: Term) -> Iterator[str]:
-    """The names in the arguments of a term, those of compound terms as a whole and in their parts."""
+    """The names in the arguments of a term, those of compound terms as a whole and in their
+    parts.
+    """
     for argument in term.arguments if isinstance(term, Function) else ():
         yield str(argument)
         yield from _argument_names(argument)

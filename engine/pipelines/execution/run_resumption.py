@@ -1,7 +1,7 @@
 """Resuming a run from its journal: what it says, and what became of commands under way.
 
-What the journal says is believed. What became of the commands that were under way, the driver is asked; none of them is sent
-again unless the driver says that it never came.
+What the journal says is believed. What became of the commands that were under way, the driver is
+asked; none of them is sent again unless the driver says that it never came.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -58,8 +58,9 @@ RENOTED_KINDS = (  # what a case notes in the same order whenever it is taken up
 class PastRun:
     """What a journal says of a run, up to its last record.
 
-    `plan` is the last one, `done` its steps that have ended (with when), `sent` the commands of it that have no reply.
-    `case` are the records since the exception that was being handled when the run ended; empty if none was.
+    `plan` is the last one, `done` its steps that have ended (with when), `sent` the commands of it
+    that have no reply. `case` are the records since the exception that was being handled when the
+    run ended; empty if none was.
     """
 
     world: SymbolicWorld
@@ -94,7 +95,8 @@ class PastRun:
     additions: list[dict[str, Any]] = field(
         default_factory=list
     )  # further commands, as a checkpoint has them
-    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
+    # when facts became true, and measurements began
+    since: dict[Atom, int] = field(default_factory=dict)
     lying: Content = field(default_factory=dict)  # the record that says where the part lies
     measured: list[Measured] = field(default_factory=list)
     spoilt: list[Spoilt] = field(default_factory=list)  # values that do not count any more
@@ -126,7 +128,9 @@ class PastRun:
         content = record.content
         if content["why"] == OperatorCommand.ADD.value:
             behind = {} if self.plan is None else head_of(self.plan)
-            self.extend({"given": self.added, "wishes": content.get("wishes", []), "behind": behind})
+            self.extend(
+                {"given": self.added, "wishes": content.get("wishes", []), "behind": behind}
+            )
         first = not self.forecast_ms or content["why"] == ALIGNED
         self.forecast_ms = content["forecast_ms"] if first else self.forecast_ms
         self.steps += len(self.done)
@@ -142,7 +146,9 @@ class PastRun:
         self.follow(content, record.number)
 
     def aligned(self, record: JournalRecord) -> None:
-        """It was found out where the part lies: what is pursued from then on is about the part there."""
+        """It was found out where the part lies: what is pursued from then on is about the part
+        there.
+        """
         if record.content["part"]:
             self.lies({**record.content, "at_ms": record.at_ms})
 
@@ -153,14 +159,18 @@ class PastRun:
 
     def _closed(self) -> None:
         """The case is over, with a way on: its exceptions count if they come again."""
-        for content in (record.content for record in self.case if record.kind is RecordKind.EXCEPTION):
+        for content in (
+            record.content for record in self.case if record.kind is RecordKind.EXCEPTION
+        ):
             if content["exception"] != "stays_too_long":
                 key = content["exception"], content["action"]
                 self.cases[key] = self.cases.get(key, 0) + 1
         self.case = []
 
     def extend(self, added: dict[str, Any]) -> None:
-        """A further command was taken up, behind a plan whose record says `behind` beside its steps."""
+        """A further command was taken up, behind a plan whose record says `behind` beside its
+        steps.
+        """
         if added["behind"]:
             self.scope = scope_of(self.scope, added["behind"])
         words = read_addition(self.scope.problem, added["given"]).words
@@ -201,7 +211,9 @@ class PastRun:
         fresh = [atom for atom in new if atom not in self.world.facts]
         self.world.facts -= {read_ground_atom(atom) for atom in content["ends"]}
         self.world.facts |= {read_ground_atom(atom) for atom in content["adds"]}
-        moved = [(chain, number, read_ground_atom(atom)) for chain, number, atom in content["moved"]]
+        moved = [
+            (chain, number, read_ground_atom(atom)) for chain, number, atom in content["moved"]
+        ]
         for chain, number, _ in moved:
             self.world.reached[chain] = number
         self.arms |= content.get("arms", {})
@@ -211,7 +223,9 @@ class PastRun:
             measured, began = self.scope.problem.domain.conventions.measured, content["started_ms"]
             self.since |= {atom: began if atom.name == measured else record.at_ms for atom in fresh}
         self.sent.pop(content["command"], None)
-        work = achievement_of(len(self.history) + 1, read_ground_atom(content["action"]), fresh, moved)
+        work = achievement_of(
+            len(self.history) + 1, read_ground_atom(content["action"]), fresh, moved
+        )
         if self.memory.keeps(work):
             self.history.append(work)
 
@@ -261,13 +275,17 @@ class PastRun:
     def under_way(self) -> Mapping[int, tuple[Content, int]]:
         """The commands for steps that have not been settled, and when they were sent."""
         return {
-            number: command for number, command in self.sent.items() if command[0].get("step") is not None
+            number: command
+            for number, command in self.sent.items()
+            if command[0].get("step") is not None
         }
 
     def written(self) -> WrittenPlan:
         """What the journal holds of the plan."""
         assert self.plan is not None
-        state_written = WrittenPlan(done=NumberSet(self.done), checkpoint=self.checkpoint, history=self.told)
+        state_written = WrittenPlan(
+            done=NumberSet(self.done), checkpoint=self.checkpoint, history=self.told
+        )
         state_written.number, state_written.steps, state_written.head = (
             self.plan_number,
             len(self.plan["steps"]),
@@ -277,8 +295,12 @@ class PastRun:
 
     @property
     def next_number(self) -> int:
-        """The number of the next command; a case that is taken up again begins with the number it had."""
-        numbers = [record.content["command"] for record in self.case if record.kind is RecordKind.COMMAND]
+        """The number of the next command; a case that is taken up again begins with the number
+        it had.
+        """
+        numbers = [
+            record.content["command"] for record in self.case if record.kind is RecordKind.COMMAND
+        ]
         return min(numbers, default=self.number)
 
 
@@ -300,7 +322,8 @@ READER_OF_RECORD = {
 def settle_commands(course: RunLoop, past: PastRun) -> None:
     """Take in what has ended meanwhile, send what never came, and wait on for what goes on.
 
-    The clock is brought to where the journal ends first. Failures are taken in before anything else, so that nothing begins.
+    The clock is brought to where the journal ends first. Failures are taken in before anything
+    else, so that nothing begins.
     """
     heard: list[Reply] = []
     while course.driver.now_ms() < past.at_ms:
@@ -331,7 +354,9 @@ def _is_normal(course: RunLoop, reply: Reply) -> bool:
 
 
 def _send_again(course: RunLoop, past: PastRun, reports: Sequence[Report]) -> None:
-    """Send the commands that the driver has never received; those that it has dropped can begin anew."""
+    """Send the commands that the driver has never received; those that it has dropped can begin
+    anew.
+    """
     under_way = past.under_way()
     lost = [report.number for report in reports if report.fate is Fate.UNKNOWN]
     course.outbox += [_command_from(under_way[number][0]) for number in lost]
@@ -372,7 +397,10 @@ def _command_from(entry: Content) -> DriverCommand:
 def taken_up(
     past: PastRun, lookahead: Callable[[str], int], now_ms: int
 ) -> tuple[CompiledProgram, ExecutiveState]:
-    """The last program of a run, and where it stood. `lookahead` tells how many commands a stream takes at once."""
+    """The last program of a run, and where it stood.
+
+    `lookahead` tells how many commands a stream takes at once.
+    """
     assert past.plan is not None
     with no_search_for_cycles():
         compiled = with_queues(compiled_of(past.plan), lookahead)
@@ -380,14 +408,22 @@ def taken_up(
 
 
 def standing_again(compiled: CompiledProgram, past: PastRun, now_ms: int) -> ExecutiveState:
-    """Where the last plan of a run stood when its journal ended: what was done, and what was under way."""
-    running = {number: Running(entry["step"], at_ms) for number, (entry, at_ms) in past.under_way().items()}
+    """Where the last plan of a run stood when its journal ended: what was done, and what was
+    under way.
+    """
+    running = {
+        number: Running(entry["step"], at_ms) for number, (entry, at_ms) in past.under_way().items()
+    }
     phase, number, unrested = RunPhase.RUNNING, past.next_number, frozenset(past.unrested)
-    return standing_of(compiled.program, now_ms, number, phase, past.done, running, past.done, unrested)
+    return standing_of(
+        compiled.program, now_ms, number, phase, past.done, running, past.done, unrested
+    )
 
 
 def restore_loop(course: RunLoop, past: PastRun) -> None:
-    """Give a course what the journal of its run holds: the plan's number, commands without a reply, steps that are done."""
+    """Give a course what the journal of its run holds: the plan's number, commands without a
+    reply, steps that are done.
+    """
     course.written = past.written()
     course.entire = past.entire
     course.sent = {number: (dict(entry), at_ms) for number, (entry, at_ms) in past.sent.items()}

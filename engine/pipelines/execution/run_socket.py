@@ -40,7 +40,10 @@ MAX_ORDER_BYTES = 65_536  # bytes of an order
 
 
 def socket_folder() -> Path:
-    """The folder of the sockets, which only its owner can enter. Raises `InvalidInput` if somebody else made it."""
+    """The folder of the sockets, which only its owner can enter.
+
+    Raises `InvalidInput` if somebody else made it.
+    """
     runtime_folder = os.environ.get("XDG_RUNTIME_DIR", "")
     runtime_folder = runtime_folder if len(runtime_folder) <= MAX_FOLDER_CHARACTERS else ""
     name = "cellwright" if runtime_folder else f"cellwright-{os.getuid()}"
@@ -53,12 +56,15 @@ def socket_folder() -> Path:
         or stat.S_IMODE(status.st_mode) & 0o077
     ):
         hint = "remove it, or set XDG_RUNTIME_DIR to a folder of your own"
-        raise InvalidInput([Diagnostic(Source(str(place)), "K415", "others can open this folder", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source(str(place)), "K415", "others can open this folder", hint)]
+        )
     return place
 
 
 def socket_address(run: str, store: str = "") -> Path:
-    """The socket of a run whose journal is in a store: runs of one name in other stores have others.
+    """The socket of a run whose journal is in a store: runs of one name in other stores have
+    others.
 
     The name is short, because the path of a socket may have about 100 characters.
     """
@@ -87,7 +93,8 @@ class OrderChannel:
             "",
             False,
         )  # the last order that may be refused, and whether the run has noted it
-        self._came: queue.Queue[str] = queue.Queue()  # what came of it: empty, or why it was refused
+        # what came of it: empty, or why it was refused
+        self._came: queue.Queue[str] = queue.Queue()
         self._one_by_one = threading.Lock()
         self._server: socket.socket | None = None
 
@@ -95,7 +102,9 @@ class OrderChannel:
         place = socket_address(self.run, self.store)
         if _ask_process(place, "state") is not None:
             reason = f"the run {self.run} goes on in another process"
-            raise InvalidInput([Diagnostic(Source(self.run), "K421", reason, "stop it there first")])
+            raise InvalidInput(
+                [Diagnostic(Source(self.run), "K421", reason, "stop it there first")]
+            )
         place.unlink(missing_ok=True)
         self._server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         before = os.umask(0o177)
@@ -111,7 +120,10 @@ class OrderChannel:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         if self._server is not None:
             with contextlib.suppress(OSError):
@@ -124,7 +136,10 @@ class OrderChannel:
         self._told = state
 
     def give(self, given: GivenOrder) -> None:
-        """Give an order; from this process, it may be called in any thread. When it came is noted, if it does not say so."""
+        """Give an order; from this process, it may be called in any thread.
+
+        When it came is noted, if it does not say so.
+        """
         when = given.when or datetime.now(UTC).isoformat(timespec="milliseconds")
         self._orders.put(replace(given, when=when, who=given.who or user_name()))
 
@@ -143,7 +158,9 @@ class OrderChannel:
             self._came.put("")
 
     def _came_of(self, given: GivenOrder) -> dict[str, str]:
-        """Give an order and wait a little for what comes of it: why it was `refused`; nothing if that is not known yet."""
+        """Give an order and wait a little for what comes of it: why it was `refused`; nothing
+        if that is not known yet.
+        """
         if given.order not in REFUSABLE_ORDERS:
             self.give(given)
             return {}
@@ -186,21 +203,29 @@ class OrderChannel:
             asked, came = parse_json(_read_line(caller)), dict[str, str]()
             if asked["order"] != "state":
                 text, who = str(asked.get("text", "")), str(asked.get("who", ""))
-                came = self._came_of(GivenOrder(OperatorCommand(asked["order"]), text, "socket", who))
+                came = self._came_of(
+                    GivenOrder(OperatorCommand(asked["order"]), text, "socket", who)
+                )
             state = {**self._told(), "run": self.run, "store": self.store, **came}
             caller.sendall((json.dumps(state) + "\n").encode())
 
 
 def going_on() -> tuple[Mapping[str, Any], ...]:
     """How each run stands that goes on in a process of this user, with its `run` and `store`."""
-    states = (_ask_process(socket_file, "state") for socket_file in sorted(socket_folder().glob("*.sock")))
+    states = (
+        _ask_process(socket_file, "state") for socket_file in sorted(socket_folder().glob("*.sock"))
+    )
     return tuple(state for state in states if state is not None)
 
 
-def tell_run(run: str, order: str, text: str = "", store: str = "", who: str = "") -> Mapping[str, Any]:
-    """Give an order to a run; how it stands, and why it was `refused` if it was (empty: it is followed). `who` gives it is noted: this user, if nobody is named.
+def tell_run(
+    run: str, order: str, text: str = "", store: str = "", who: str = ""
+) -> Mapping[str, Any]:
+    """Give an order to a run; how it stands, and why it was `refused` if it was (empty: it is
+    followed). `who` gives it is noted: this user, if nobody is named.
 
-    Raises `InvalidInput` if no process runs it, or if several runs have this name and no store is given.
+    Raises `InvalidInput` if no process runs it, or if several runs have this name and no store is
+    given.
     """
     place = socket_address(run, store) if store else _only_socket(run)
     answer = _ask_process(place, order, text, who or user_name())
@@ -218,7 +243,10 @@ def user_name() -> str:
 
 
 def _only_socket(run: str) -> Path:
-    """The socket of the only run of a name that goes on. Raises `InvalidInput` if there is none, or more than one."""
+    """The socket of the only run of a name that goes on.
+
+    Raises `InvalidInput` if there is none, or more than one.
+    """
     states = [state for state in going_on() if state["run"] == run]
     if not states:
         raise _no_process_error(run)
@@ -232,12 +260,18 @@ def _only_socket(run: str) -> Path:
 def _no_process_error(run: str) -> InvalidInput:
     run_names = sorted({str(state["run"]) for state in going_on()})
     resume = f"take it up again with: cellwright resume {run}"
-    hint = f"{resume}; these go on: {', '.join(run_names)}" if run_names else f"{resume}; no run goes on now"
+    hint = (
+        f"{resume}; these go on: {', '.join(run_names)}"
+        if run_names
+        else f"{resume}; no run goes on now"
+    )
     reason = f"the run {run} does not go on in any process of yours"
     return InvalidInput([Diagnostic(Source(run), "K421", reason, hint)])
 
 
-def _ask_process(place: Path, order: str, text: str = "", who: str = "") -> Mapping[str, Any] | None:
+def _ask_process(
+    place: Path, order: str, text: str = "", who: str = ""
+) -> Mapping[str, Any] | None:
     """What the process behind a socket answers to an order; None if nobody is there."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
         line.settimeout(SOCKET_TIMEOUT_S)

@@ -14,7 +14,11 @@ from cellwright.engine.model.run_protocol import PROTOCOL_VERSION, Finish, Journ
 from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.pipelines.execution.checkpoints import past_of
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
-from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, compile_ready_plan, first_plan
+from cellwright.engine.pipelines.execution.executable_plan import (
+    ReadyPlan,
+    compile_ready_plan,
+    first_plan,
+)
 from cellwright.engine.pipelines.execution.inspector import datums_first, measured_in
 from cellwright.engine.pipelines.execution.operator_orders import OrderSource
 from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
@@ -43,8 +47,12 @@ FAULT_OPTION = Source("--fault")
 
 
 def settle_faults(text: str, ready: ReadyPlan, base: FaultModel | None) -> str:
-    """Faults as a simulator reads them: STEP#TIME=CAUSE; a number is a step of the plan. Raises `InvalidInput`."""
-    return "; ".join(_settle_fault(fault.strip(), ready, base) for fault in text.split(";") if fault.strip())
+    """Faults as a simulator reads them: STEP#TIME=CAUSE; a number is a step of the plan. Raises
+    `InvalidInput`.
+    """
+    return "; ".join(
+        _settle_fault(fault.strip(), ready, base) for fault in text.split(";") if fault.strip()
+    )
 
 
 def refuse_unknown(text: str, base: FaultModel | None) -> None:
@@ -59,7 +67,9 @@ def _split_fault(text: str, base: FaultModel | None) -> tuple[str, str, str]:
     cause, _, exception = rest.partition("@")
     named, cause = named.strip(), cause.strip()
     if not equals or not named or not cause:
-        raise _fault_error(f"'{text}' is no fault", "write STEP=CAUSE: 3=not_gripped, or pick#2=arm_offset")
+        raise _fault_error(
+            f"'{text}' is no fault", "write STEP=CAUSE: 3=not_gripped, or pick#2=arm_offset"
+        )
     if base is None:
         raise _fault_error("the domain has no fault base", "write a faults.yaml beside it")
     if cause not in base.causes:
@@ -71,22 +81,30 @@ def _settle_fault(text: str, ready: ReadyPlan, base: FaultModel | None) -> str:
     named, cause, exception = _split_fault(text, base)
     assert base is not None
     action, _, time = named.partition("#")
-    steps = [step.operator for step in sorted(ready.plan.steps, key=lambda s: (ready.starts[s.id], s.id))]
+    steps = [
+        step.operator for step in sorted(ready.plan.steps, key=lambda s: (ready.starts[s.id], s.id))
+    ]
     named_steps = _steps_named(action.strip(), ready, steps)
     ways = [
-        shown_exception for step in named_steps for shown_exception in exceptions_of_cause(base, step, cause)
+        shown_exception
+        for step in named_steps
+        for shown_exception in exceptions_of_cause(base, step, cause)
     ]
     if not ways:
         where = sorted(
             {str(e.operator) for e in base.exceptions.values() if cause in e.counts and e.operator}
         )
-        raise _fault_error(f"{cause} does not show at {action.strip()}", f"it shows at: {', '.join(where)}")
+        raise _fault_error(
+            f"{cause} does not show at {action.strip()}", f"it shows at: {', '.join(where)}"
+        )
     instance = str(named_steps[0]) if is_count(action.strip()) else action.strip()
     return f"{instance}{'#' + time if time else ''}={cause}{'@' + exception if exception else ''}"
 
 
 def _unknown_cause(cause: str, base: FaultModel, operator: str) -> Diagnostic:
-    """No such cause: the nearest name, or those that can show at steps of the operator, if one is named."""
+    """No such cause: the nearest name, or those that can show at steps of the operator, if one
+    is named.
+    """
     diagnostic = unknown_name("cause", cause, base.causes, FAULT_OPTION)
     shown = {
         name
@@ -100,16 +118,18 @@ def _unknown_cause(cause: str, base: FaultModel, operator: str) -> Diagnostic:
 
 
 def _steps_named(action: str, ready: ReadyPlan, steps: list[Function]) -> list[Function]:
-    """The steps that a fault names: one by its number or as it is written, or all of an operator."""
+    """The steps that a fault names: one by its number or as it is written, or all of an
+    operator.
+    """
     if is_count(action):
         named_steps = [step.operator for step in ready.plan.steps if int(step.id) == int(action)]
         hint = f"the plan has steps 1 to {len(steps)}"
     else:
         plain = action.replace(" ", "")
         named_steps = [step for step in steps if plain in (step.name, str(step).replace(" ", ""))]
-        hint = nearest_hint(action, list(dict.fromkeys(step.name for step in steps))) or _operators_text(
-            steps
-        )
+        hint = nearest_hint(
+            action, list(dict.fromkeys(step.name for step in steps))
+        ) or _operators_text(steps)
     if not named_steps:
         raise _fault_error(f"the plan has no step {action}", hint)
     return named_steps
@@ -132,7 +152,9 @@ def added_knowledge(asked: Problem, known: Problem) -> dict[str, Any]:
     before = set(asked.statics)
     facts = [str(fact) for fact in known.statics if fact not in before]
     times = [
-        [str(step), lasts] for step, lasts in known.durations.items() if asked.durations.get(step) != lasts
+        [str(step), lasts]
+        for step, lasts in known.durations.items()
+        if asked.durations.get(step) != lasts
     ]
     return {**({FACTS: facts} if facts else {}), **({TIMES: times} if times else {})}
 
@@ -143,7 +165,9 @@ def with_knowledge(problem: Problem, entry: Mapping[str, Any]) -> Problem:
     times = {read_ground_atom(step): int(lasts) for step, lasts in entry.get(TIMES, ())}
     if not facts and not times:
         return problem
-    return replace(problem, statics=(*problem.statics, *facts), durations={**problem.durations, **times})
+    return replace(
+        problem, statics=(*problem.statics, *facts), durations={**problem.durations, **times}
+    )
 
 
 LOGGED_DRIVERS = ("sim", "mujoco")  # drivers that can be where they were before, by a log
@@ -152,7 +176,10 @@ FINAL_OUTCOMES = ("reached", "partly", "aborted")  # endings after which there i
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What is to be run and how. `target` and the texts are kept in the journal, so that the run can be resumed."""
+    """What is to be run and how.
+
+    `target` and the texts are kept in the journal, so that the run can be resumed.
+    """
 
     target: str
     goals: str = ""
@@ -191,14 +218,18 @@ def begin_run(
     scope: RunScope | None = None,
     paths: "RunPaths | None" = None,
 ) -> Finish | Outcome:
-    """Run a problem to its end under a name that `named` has given; why there is no plan, if there is none.
+    """Run a problem to its end under a name that `named` has given; why there is no plan, if there
+    is none.
 
-    `outcome` is a plan that is known already, `table` one with its starts; `scope` says for which of the goals. With `paths`, each
-    step is looked at before it is sent, and has to move. Raises `InvalidInput`.
+    `outcome` is a plan that is known already, `table` one with its starts; `scope` says for which
+    of the goals. With `paths`, each step is looked at before it is sent, and has to move. Raises
+    `InvalidInput`.
     """
     scope = scope or RunScope(problem)
     if table is not None:
-        plan_or_outcome: ReadyPlan | Outcome = compile_ready_plan(scope.problem, table.plan, table.starts, 0)
+        plan_or_outcome: ReadyPlan | Outcome = compile_ready_plan(
+            scope.problem, table.plan, table.starts, 0
+        )
     else:
         plan_or_outcome = first_plan(problem, limits, outcome, request.store)
     if not isinstance(plan_or_outcome, ReadyPlan):
@@ -212,12 +243,18 @@ def begin_run(
         run_driver = make_driver(request.driver, setup)
         try:
             recorder = Recorder(JournalLedger(journal, run), run_driver.now_ms, watchers)
-            more = added_knowledge(_read_problem(request.target, request.goals, request.command), problem)
+            more = added_knowledge(
+                _read_problem(request.target, request.goals, request.command), problem
+            )
             recorder.note(RecordKind.RUN, **run_document(request, problem), **more)
-            execution = RunExecution(run, problem, run_driver, recorder, orders, base, limits, paths=paths)
+            execution = RunExecution(
+                run, problem, run_driver, recorder, orders, base, limits, paths=paths
+            )
             plan_or_outcome, scope = datums_first(plan_or_outcome, scope)
             world = SymbolicWorld.of(scope.problem, initial_situation(problem).state)
-            return _clear_log(request, execution.start(plan_or_outcome, world, request.approve, scope))
+            return _clear_log(
+                request, execution.start(plan_or_outcome, world, request.approve, scope)
+            )
         finally:
             run_driver.close()
 
@@ -236,7 +273,9 @@ def resume_run(
     """
     with Journal(store) as journal:
         about = journal.known(run).document
-        problem = _read_problem(*(str(about.get(key, "")) for key in ("target", "goals", "command")))
+        problem = _read_problem(
+            *(str(about.get(key, "")) for key in ("target", "goals", "command"))
+        )
         first_line = journal.line(run, 1)
         with reading_past(store, run):
             problem = with_knowledge(problem, first_line.content if first_line else {})
@@ -249,7 +288,9 @@ def resume_run(
             past.spoilt = spoilt_in((line.content, line.at_ms) for line in worlds)
         if past.plan is None or past.ended in FINAL_OUTCOMES:
             reason = (
-                f"the run {run} is over: {past.ended}" if past.ended else f"the run {run} never had a plan"
+                f"the run {run} is over: {past.ended}"
+                if past.ended
+                else f"the run {run} never had a plan"
             )
             raise InvalidInput([Diagnostic(Source(run), "K421", reason, "begin another run")])
         setup = setup_of({**about, **past.run}, problem, run)
@@ -258,21 +299,31 @@ def resume_run(
         try:
             recorder = Recorder(JournalLedger(journal, run), run_driver.now_ms, watchers, past.last)
             paths = _run_paths(about, past.whole, store) if about.get("motion") else None
-            execution = RunExecution(run, past.whole, run_driver, recorder, orders, base, limits, paths=paths)
+            execution = RunExecution(
+                run, past.whole, run_driver, recorder, orders, base, limits, paths=paths
+            )
             ending = execution.resume(past)
-            return _clear_log(RunRequest("", store=store, run=run, options=about["options"]), ending)
+            return _clear_log(
+                RunRequest("", store=store, run=run, options=about["options"]), ending
+            )
         finally:
             run_driver.close()
 
 
-def follow_run(store: str, run: str, factor: float | None = None) -> tuple[float, Sequence[JournalRecord]]:
-    """How fast a run goes on, and its records from its last plan on, for who looks on. Raises `InvalidInput` if there is none."""
+def follow_run(
+    store: str, run: str, factor: float | None = None
+) -> tuple[float, Sequence[JournalRecord]]:
+    """How fast a run goes on, and its records from its last plan on, for who looks on.
+
+    Raises `InvalidInput` if there is none.
+    """
     with Journal(store) as journal:
         pace = float(journal.known(run).document["factor"]) if factor is None else factor
         last = journal.last(run, RecordKind.PLAN.value)
         lines = journal.lines(run, last - 1) if pace and last else ()
         return pace, [
-            JournalRecord(line.number, line.at_ms, RecordKind(line.kind), line.content) for line in lines
+            JournalRecord(line.number, line.at_ms, RecordKind(line.kind), line.content)
+            for line in lines
         ]
 
 
@@ -298,7 +349,9 @@ def _run_paths(about: Mapping[str, Any], problem: Problem, store: str) -> "RunPa
 
 def setup_of(about: Mapping[str, Any], problem: Problem, run: str) -> DriverSetup:
     """What the driver of a run was made for."""
-    return DriverSetup(problem, run, int(about["seed"]), float(about["factor"]), dict(about["options"]))
+    return DriverSetup(
+        problem, run, int(about["seed"]), float(about["factor"]), dict(about["options"])
+    )
 
 
 def run_document(request: RunRequest, problem: Problem) -> dict[str, object]:
@@ -321,23 +374,30 @@ def run_document(request: RunRequest, problem: Problem) -> dict[str, object]:
 def name_run(request: RunRequest, problem: Problem) -> RunRequest:
     """The same under the name of a new run: as asked for, or the problem's with the next number.
 
-    A simulated cell gets a log beside the journal, so that the run can be resumed. Raises `InvalidInput` for a name that is
-    taken, and for faults that no plan can have: before any time goes into a plan.
+    A simulated cell gets a log beside the journal, so that the run can be resumed. Raises
+    `InvalidInput` for a name that is taken, and for faults that no plan can have: before any time
+    goes into a plan.
     """
     refuse_unknown(request.options.get("fault", ""), fault_base(problem))
     with Journal(request.store) as journal:
         begun = datetime.now(UTC).isoformat(timespec="seconds")
-        for run in [request.run] if request.run else (f"{problem.name}-{n}" for n in itertools.count(1)):
+        for run in (
+            [request.run] if request.run else (f"{problem.name}-{n}" for n in itertools.count(1))
+        ):
             named_request = replace(request, run=run, options=_with_log(request, run))
             if journal.begin(run, begun, run_document(named_request, problem)):
                 return named_request
     hint = f"give another name with --name, or go on with it: cellwright resume {request.run}"
-    raise InvalidInput([Diagnostic(Source("--name"), "K421", f"there is a run {request.run} already", hint)])
+    raise InvalidInput(
+        [Diagnostic(Source("--name"), "K421", f"there is a run {request.run} already", hint)]
+    )
 
 
 @contextmanager
 def list_run(request: RunRequest, problem: Problem) -> Iterator[RunRequest]:
-    """As `named`, for as long as the run is begun; one that is refused, or that has no plan, is not listed afterwards."""
+    """As `named`, for as long as the run is begun; one that is refused, or that has no plan, is
+    not listed afterwards.
+    """
     named_request = name_run(request, problem)
     try:
         yield named_request
@@ -347,7 +407,9 @@ def list_run(request: RunRequest, problem: Problem) -> Iterator[RunRequest]:
 
 
 def _clear_log(request: RunRequest, ending: Finish) -> Finish:
-    """The ending; the log that a simulated cell got by itself is not needed any more when the run is over."""
+    """The ending; the log that a simulated cell got by itself is not needed any more when the
+    run is over.
+    """
     if ending.outcome in FINAL_OUTCOMES and request.options.get("log") == _log_file(
         request.store, request.run
     ):
@@ -360,7 +422,9 @@ def _log_file(store: str, run: str) -> str:
 
 
 def _with_log(request: RunRequest, run: str) -> Mapping[str, str]:
-    """The options of the driver; a simulator without a log writes one beside a journal that is a file."""
+    """The options of the driver; a simulator without a log writes one beside a journal that is
+    a file.
+    """
     if request.driver not in LOGGED_DRIVERS or "log" in request.options or "://" in request.store:
         return request.options
     return {**request.options, "log": _log_file(request.store, run)}

@@ -30,15 +30,22 @@ class PerformedCommand:
 
 
 class CommandInterruption(Exception):
-    """A step failed while a test or a repair was prepared. `taken` are the steps before it, which had their effects."""
+    """A step failed while a test or a repair was prepared.
 
-    def __init__(self, step: Function, number: int, reply: str, taken: tuple[Function, ...] = ()) -> None:
+    `taken` are the steps before it, which had their effects.
+    """
+
+    def __init__(
+        self, step: Function, number: int, reply: str, taken: tuple[Function, ...] = ()
+    ) -> None:
         super().__init__(f"{step} was answered '{reply}'")
         self.step, self.number, self.reply, self.taken = step, number, reply, taken
 
 
 class RunEnded(Exception):
-    """The run ended while it waited for a single command: by order, or because the controller is lost."""
+    """The run ended while it waited for a single command: by order, or because the controller
+    is lost.
+    """
 
     def __init__(self, turn: LoopTurn) -> None:
         super().__init__(turn.why)
@@ -63,14 +70,18 @@ def perform_command(course: RunLoop, command: DriverCommand) -> PerformedCommand
 
 
 def _known_reply(course: RunLoop, number: int) -> str | None:
-    """The reply to a command that was sent before the run was taken up again; None if it has not come yet."""
+    """The reply to a command that was sent before the run was taken up again; None if it has
+    not come yet.
+    """
     known_reply = course.recorder.told(RecordKind.REPLY)
     if known_reply is not None:
         course.recorder.note(RecordKind.REPLY)
         return str(known_reply.content["text"])
     reply = course.driver.report([number])[0].reply
     if reply is not None:
-        course.recorder.note(RecordKind.REPLY, command=number, text=reply.text, data=dict(reply.data))
+        course.recorder.note(
+            RecordKind.REPLY, command=number, text=reply.text, data=dict(reply.data)
+        )
         return reply.text
     return None
 
@@ -87,7 +98,9 @@ def _await_reply(course: RunLoop, command: DriverCommand) -> str:
                 _note_trouble(course, message)
             elif message.number == command.number:
                 data = dict(message.data)
-                course.recorder.note(RecordKind.REPLY, command=command.number, text=message.text, data=data)
+                course.recorder.note(
+                    RecordKind.REPLY, command=command.number, text=message.text, data=data
+                )
                 take_in(course, message)
                 return message.text
         if due is not None and course.driver.now_ms() >= due:
@@ -98,12 +111,16 @@ def _await_reply(course: RunLoop, command: DriverCommand) -> str:
                     RecordKind.REPLY, command=late.number, text=late.text, data=dict(late.data)
                 )
                 return late.text
-            course.recorder.note(RecordKind.REPLY, command=command.number, text=TIMEOUT_REPLY, data={})
+            course.recorder.note(
+                RecordKind.REPLY, command=command.number, text=TIMEOUT_REPLY, data={}
+            )
             return TIMEOUT_REPLY
 
 
 def _hear_orders(course: RunLoop, command: DriverCommand) -> str | None:
-    """What a person answers to a command that asks one; None if nobody has answered. Raises `Ended`."""
+    """What a person answers to a command that asks one; None if nobody has answered. Raises
+    `Ended`.
+    """
     for given_order in course.orders.due(course.driver.now_ms()):
         course.recorder.note(RecordKind.ORDER, **given_order.content())
         if given_order.order in (OperatorCommand.STOP, OperatorCommand.ABORT):
@@ -114,11 +131,15 @@ def _hear_orders(course: RunLoop, command: DriverCommand) -> str | None:
         elif given_order.order is not OperatorCommand.ANSWER:
             course.pending.append(given_order)
         elif command.asks and given_order.text in command.choices:
-            course.recorder.note(RecordKind.REPLY, command=command.number, text=given_order.text, data={})
+            course.recorder.note(
+                RecordKind.REPLY, command=command.number, text=given_order.text, data={}
+            )
             return given_order.text
         else:
             choices = ", ".join(command.choices) if command.asks else "no person is asked now"
-            course.recorder.note(RecordKind.DECISION, what="answer refused", why=f"it is none of: {choices}")
+            course.recorder.note(
+                RecordKind.DECISION, what="answer refused", why=f"it is none of: {choices}"
+            )
     return None
 
 
@@ -136,7 +157,9 @@ REPLY_LOST, NEVER_CAME = "the reply was lost", "the command never came"
 
 
 def cleared_up(course: RunLoop, step: Function, activity: int, number: int) -> str:
-    """What was wrong with a command without a reply, if the controller knows; a step that has ended is done then."""
+    """What was wrong with a command without a reply, if the controller knows; a step that has
+    ended is done then.
+    """
     report = course.driver.report([number])[0]
     if report.fate is Fate.ENDED and report.reply is not None:
         if not course.replies.is_normal(activity, report.reply.text):

@@ -60,7 +60,9 @@ class _InfeasibilityInquiry:
     def explanation(self, reason: str) -> Explanation:
         """The culprits, then what would help."""
         goals = minimal_goals(self.problem, self._has_none)
-        initial = tuple(a for a in self.task.names(self.task.initial) if a.name not in ("not", "_stage"))
+        initial = tuple(
+            a for a in self.task.names(self.task.initial) if a.name not in ("not", "_stage")
+        )
         space = ProblemSpace.of(self.problem, initial)
         barred = out_of_range(self.problem, goals[0]) if len(goals) == 1 else ()
         excluded = barred or tuple(
@@ -104,7 +106,9 @@ class _InfeasibilityInquiry:
         )
 
     def _exclusions(self, goals: Sequence[GoalOrStage], space: ProblemSpace) -> Iterator[str]:
-        """What is never true at once: two goals, or needs of the step that would reach the only one."""
+        """What is never true at once: two goals, or needs of the step that would reach the only
+        one.
+        """
         if len(goals) > 1:
             yield from exclusive_goals(self.problem, goals)
         elif space.reachable:
@@ -124,7 +128,9 @@ class _InfeasibilityInquiry:
                 yield self._told(drop, outcome)
 
     def _planned(self, problem: Problem, limits: SearchLimits | None = None) -> Outcome | None:
-        """The answer to a variant of the problem, with a part of the goals if nothing else is said; None if it contradicts itself."""
+        """The answer to a variant of the problem, with a part of the goals if nothing else is
+        said; None if it contradicts itself.
+        """
         part = replace(self.limits, expansions=min(self.limits.expansions, MAX_PART_EXPANSIONS))
         try:
             return checked_plan.plan_problem(problem, limits or part)
@@ -153,7 +159,9 @@ class _InfeasibilityInquiry:
         reachable_operators: frozenset[Function] = frozenset(
             operator.instance for operator in self.task.operators
         )
-        first = next((step.id for step in plan.steps if step.operator not in reachable_operators), None)
+        first = next(
+            (step.id for step in plan.steps if step.operator not in reachable_operators), None
+        )
         if first is None or not change.edits:
             return
         operators = {step.id: step.operator for step in plan.steps}

@@ -40,8 +40,14 @@ def apply_edit(problem: Problem, edit: Edit) -> Problem:
 
 
 def domain_facts(domain: Domain) -> dict[int, tuple[Atom, ...]]:
-    """For each statement of the domain that is a fact, by its number, the atoms that it stands for."""
-    plain = [n for n, rule in enumerate(domain.asp) if not (rule.body or rule.is_constraint or rule.constant)]
+    """For each statement of the domain that is a fact, by its number, the atoms that it stands
+    for.
+    """
+    plain = [
+        n
+        for n, rule in enumerate(domain.asp)
+        if not (rule.body or rule.is_constraint or rule.constant)
+    ]
     constants = [rule.text for rule in domain.asp if rule.constant]
     grounder = Grounder()
     grounder.ground("\n".join([*constants, *(f"_fact({n}, {domain.asp[n].head})." for n in plain)]))
@@ -49,7 +55,9 @@ def domain_facts(domain: Domain) -> dict[int, tuple[Atom, ...]]:
     for number, atom in grounder.atoms("_fact", 2):
         if isinstance(atom, Function):
             facts_of_rules.setdefault(int(str(number)), []).append(atom)
-    return {number: tuple(sorted(atoms, key=str)) for number, atoms in sorted(facts_of_rules.items())}
+    return {
+        number: tuple(sorted(atoms, key=str)) for number, atoms in sorted(facts_of_rules.items())
+    }
 
 
 def _without_static(problem: Problem, fact: Atom, _replaced: bool) -> Problem:
@@ -65,12 +73,15 @@ def _without_static(problem: Problem, fact: Atom, _replaced: bool) -> Problem:
 
 def _without_initial(problem: Problem, fact: Atom, _replaced: bool) -> Problem:
     return replace(
-        problem, initial=tuple(initial_atom for initial_atom in problem.initial if initial_atom != fact)
+        problem,
+        initial=tuple(initial_atom for initial_atom in problem.initial if initial_atom != fact),
     )
 
 
 def _without_object(problem: Problem, fact: Atom, replaced: bool) -> Problem:
-    """An object that is gone takes the problem's facts about it along; one that only changes its type does not."""
+    """An object that is gone takes the problem's facts about it along; one that only changes
+    its type does not.
+    """
     name = fact.arguments[0]
     objects, own = (
         {
@@ -104,7 +115,9 @@ def terms_within(term: Term) -> Iterator[Term]:
 def without_goal(problem: Problem, goal: str) -> Problem:
     """The problem without a conjunct of its goal or a chain, named by its text."""
     parts = tuple(part for part in goal_parts(problem.goal) if str(part) != goal)
-    dropped = {chain.name for chain in problem.chains if chain_text(chain.name, chain.stages) == goal}
+    dropped = {
+        chain.name for chain in problem.chains if chain_text(chain.name, chain.stages) == goal
+    }
     return replace(problem, goal=And(parts), chains=without_chains(problem.chains, dropped))
 
 

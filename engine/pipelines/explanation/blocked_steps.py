@@ -38,7 +38,8 @@ from cellwright.kb.terms import (
     term_variables,
 )
 
-MAX_EXPLAINED_STEPS = 3  # steps that would reach a goal; of more of them, nobody wants to read each reason
+# steps that would reach a goal; of more of them, nobody wants to read each reason
+MAX_EXPLAINED_STEPS = 3
 MOST_NEEDS = 24
 
 Infeasible = Callable[[Problem], bool]
@@ -47,7 +48,10 @@ Infeasible = Callable[[Problem], bool]
 def conflicting_needs(
     problem: Problem, goal: GoalOrStage, space: ProblemSpace, infeasible: Infeasible
 ) -> Iterator[str]:
-    """For each step that would reach the goal: what it needs and never has at once, in words. Nothing if one need is out of reach."""
+    """For each step that would reach the goal: what it needs and never has at once, in words.
+
+    Nothing if one need is out of reach.
+    """
     atoms, before = _last_achievement(problem, goal)
     semantics = Semantics(problem)
     for atom in atoms:
@@ -55,22 +59,30 @@ def conflicting_needs(
         if len(reaching) <= MAX_EXPLAINED_STEPS:
             for cause in reaching:
                 if not any(map(space.misses, cause.atoms)):
-                    yield from _conflict_sentences(_NeedsOfStep.of(semantics, cause), before, infeasible)
+                    yield from _conflict_sentences(
+                        _NeedsOfStep.of(semantics, cause), before, infeasible
+                    )
 
 
 def _last_achievement(problem: Problem, goal: GoalOrStage) -> tuple[tuple[Atom, ...], Problem]:
-    """What is to be made true at the end of a goal, and the problem that asks for all that comes before it."""
+    """What is to be made true at the end of a goal, and the problem that asks for all that
+    comes before it.
+    """
     if goal.chain:
         chain = next(chain for chain in problem.chains if chain.name == goal.chain)
         before = [replace(goal, stages=goal.stages - 1)] if goal.stages > 1 else []
         return stage_parts(chain.stages[goal.stages - 1]), with_goals_only(problem, before)
     atom = goal.condition
-    return ((atom.atom,) if isinstance(atom, Literal) and atom.positive else ()), with_goals_only(problem, [])
+    return ((atom.atom,) if isinstance(atom, Literal) and atom.positive else ()), with_goals_only(
+        problem, []
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class _NeedsOfStep:
-    """What a step needs. `because` has the event that must not occur for each need that nothing but that asks for."""
+    """What a step needs. `because` has the event that must not occur for each need that nothing
+    but that asks for.
+    """
 
     cause: PossibleCause
     parts: tuple[BodyPart, ...]
@@ -78,7 +90,9 @@ class _NeedsOfStep:
 
     @classmethod
     def of(cls, semantics: Semantics, cause: PossibleCause) -> "_NeedsOfStep":
-        """The needs of a step: its preconditions, and that it lets nothing happen that no workflow asks for."""
+        """The needs of a step: its preconditions, and that it lets nothing happen that no
+        workflow asks for.
+        """
         asked = {stage for chain in semantics.problem.chains for stage in chain.stages}
         kept_needs = {
             replace(companion.when[0], positive=not companion.when[0].positive): companion.event
@@ -95,7 +109,9 @@ class _NeedsOfStep:
         )
 
 
-def _conflict_sentences(needs: _NeedsOfStep, before: Problem, infeasible: Infeasible) -> Iterator[str]:
+def _conflict_sentences(
+    needs: _NeedsOfStep, before: Problem, infeasible: Infeasible
+) -> Iterator[str]:
     kept_parts = list(needs.parts)
     if len(kept_parts) > MOST_NEEDS or not infeasible(_asking_problem(before, kept_parts)):
         return
@@ -104,9 +120,14 @@ def _conflict_sentences(needs: _NeedsOfStep, before: Problem, infeasible: Infeas
         if rest and infeasible(_asking_problem(before, rest)):
             kept_parts = rest
     if len(kept_parts) > 1:
-        reasons = [f"no workflow asks for {event}" for need, event in needs.because if need in kept_parts]
+        reasons = [
+            f"no workflow asks for {event}" for need, event in needs.because if need in kept_parts
+        ]
         *other_needs, last = map(str, kept_parts)
-        sentence = f"{needs.cause.name} needs {', '.join(other_needs)} and {last}, which never hold together"
+        sentence = (
+            f"{needs.cause.name} needs {', '.join(other_needs)} and {last}, which never hold "
+            "together"
+        )
         yield f"{sentence}: {' and '.join(reasons)}" if reasons else sentence
 
 
@@ -118,7 +139,9 @@ MOST_INSTANCES, MOST_ATOMS = 200, 300
 
 
 def missing_operators(problem: Problem, space: ProblemSpace) -> Iterator[str]:
-    """A sentence for each fact that a way to the goals needs, that does not hold and that no operator makes true."""
+    """A sentence for each fact that a way to the goals needs, that does not hold and that no
+    operator makes true.
+    """
     seeking = _BackwardSearch(Semantics(problem), space)
     asked = (
         literal.atom
@@ -151,10 +174,14 @@ class _BackwardSearch:
 
 
 def out_of_range(problem: Problem, goal: GoalOrStage) -> tuple[str, ...]:
-    """Why ranges rule out a goal: itself, or a sentence for each step that would reach it; none if they allow some step."""
+    """Why ranges rule out a goal: itself, or a sentence for each step that would reach it; none
+    if they allow some step.
+    """
     asked = with_goals_only(problem, [goal])
     reading = _RangeReading(without_quantities(asked), problem.domain)
-    stages = [part for chain in asked.chains if chain.wanted for part in stage_parts(chain.stages[-1])]
+    stages = [
+        part for chain in asked.chains if chain.wanted for part in stage_parts(chain.stages[-1])
+    ]
     goal_atoms = [literal.atom for literal in _positive_literals(reading.taken.problem.goal)]
     for atom in (*stages, *goal_atoms):
         if reasons := tuple(reading.barred(atom)):
@@ -164,7 +191,9 @@ def out_of_range(problem: Problem, goal: GoalOrStage) -> tuple[str, ...]:
 
 def _positive_literals(condition: Condition) -> Iterator[Literal]:
     return (
-        conjunct for conjunct in goal_parts(condition) if isinstance(conjunct, Literal) and conjunct.positive
+        conjunct
+        for conjunct in goal_parts(condition)
+        if isinstance(conjunct, Literal) and conjunct.positive
     )
 
 
@@ -174,13 +203,18 @@ class _RangeReading:
     domain: Domain
 
     def barred(self, atom: Atom) -> Iterator[str]:
-        """A sentence for each operator that would make an atom true; none if ranges allow one, or facts imply the atom."""
+        """A sentence for each operator that would make an atom true; none if ranges allow one,
+        or facts imply the atom.
+        """
         if atom.name.startswith(COMPARISON_PREFIX):
             yield from (f"{needed} cannot be: {within}" for needed, within in self._missed(atom))
             return
         rules = self.domain.deductive_operators
         derivations = [
-            None for rule in rules for consequence in rule.consequences if consequence.atom.name == atom.name
+            None
+            for rule in rules
+            for consequence in rule.consequences
+            if consequence.atom.name == atom.name
         ]
         reasons = [*derivations, *(self._reason(*making) for making in self._makers(atom))]
         if None not in reasons:
@@ -193,13 +227,21 @@ class _RangeReading:
                     yield operator, bound
 
     def _reason(self, operator: Operator, bound: Substitution) -> str | None:
-        """What an instance of an operator needs that no value of a quantity gives; None if there is no such thing."""
-        header = substitute_atom(substitute_atom(operator.header, bound), _any_arguments(operator.header))
+        """What an instance of an operator needs that no value of a quantity gives; None if
+        there is no such thing.
+        """
+        header = substitute_atom(
+            substitute_atom(operator.header, bound), _any_arguments(operator.header)
+        )
         needs = (
-            substitute_atom(literal.atom, bound) for literal in _positive_literals(operator.precondition)
+            substitute_atom(literal.atom, bound)
+            for literal in _positive_literals(operator.precondition)
         )
         missed = (
-            miss for atom in needs if atom.name.startswith(COMPARISON_PREFIX) for miss in self._missed(atom)
+            miss
+            for atom in needs
+            if atom.name.startswith(COMPARISON_PREFIX)
+            for miss in self._missed(atom)
         )
         return next((f"{header} needs {needed}, and {within}" for needed, within in missed), None)
 
@@ -211,14 +253,20 @@ class _RangeReading:
             substitute_term(side, inner) for side in (test.comparison.left, test.comparison.right)
         )
         ranges = {v: self.domain.quantities[quantity.name] for v, quantity in test.values.items()}
-        if never_holds(test.comparison.relation, *_value_interval(Operation("-", left_term, right), ranges)):
+        if never_holds(
+            test.comparison.relation, *_value_interval(Operation("-", left_term, right), ranges)
+        ):
             named = {v: substitute_atom(quantity, inner) for v, quantity in test.values.items()}
             needed = Comparison(
-                substitute_term(left_term, named), test.comparison.relation, substitute_term(right, named)
+                substitute_term(left_term, named),
+                test.comparison.relation,
+                substitute_term(right, named),
             )
             yield (
                 needed,
-                ", ".join(f"{named[v]} is within {_range_text(bounds)}" for v, bounds in ranges.items()),
+                ", ".join(
+                    f"{named[v]} is within {_range_text(bounds)}" for v, bounds in ranges.items()
+                ),
             )
 
 
@@ -231,7 +279,9 @@ def _range_text(bounds: Quantity) -> str:
 
 
 def _value_interval(term: Term, ranges: dict[Variable, Quantity]) -> tuple[int, int]:
-    """The least and the greatest value of a sum of quantities; anything else may have every value."""
+    """The least and the greatest value of a sum of quantities; anything else may have every
+    value.
+    """
     match term:
         case Number(value):
             return value, value

@@ -1,4 +1,6 @@
-"""Edits of facts under which all goals come within reach: abduction over the relaxed task in ASP."""
+"""Edits of facts under which all goals come within reach: abduction over the relaxed task in
+ASP.
+"""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -27,27 +29,36 @@ from cellwright.kb.terms import ANYTHING, Atom, Function, Term, Variable
 
 
 class GoalBearing:
-    """What the goals of a problem can need from the initial state. It leaves nothing out that they may need."""
+    """What the goals of a problem can need from the initial state.
+
+    It leaves nothing out that they may need.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.needs = problem, find_relevance(problem)
 
     def on_goals(self, fact: Atom) -> bool:
-        """Whether a fluent or a quantity at the start can matter to any goal. `_` stands for any value."""
+        """Whether a fluent or a quantity at the start can matter to any goal.
+
+        `_` stands for any value.
+        """
         if fact.name in self.problem.domain.quantities:
             return fact.name in self._asked
         return fact.name in self._deciding or self.needs.concerns(fact)
 
     @cached_property
     def _deciding(self) -> frozenset[str]:
-        """The names of facts from which it follows whether something holds that the goals can need: a default, say."""
+        """The names of facts from which it follows whether something holds that the goals can
+        need: a default, say.
+        """
         wanted_names = {want.pattern.name for want in self.needs.wanted}
         deciding = set[str]()
         while (
             more := {
                 rule.trigger.atom.name
                 for rule in self.problem.domain.deductive_operators
-                if (wanted_names | deciding) & {consequence.atom.name for consequence in rule.consequences}
+                if (wanted_names | deciding)
+                & {consequence.atom.name for consequence in rule.consequences}
             }
             - deciding
         ):
@@ -58,7 +69,9 @@ class GoalBearing:
     def _asked(self) -> frozenset[str]:
         """The names that goals, rules and those operators mention which the goals can need."""
         domain = self.problem.domain
-        operators = tuple(operator for operator in domain.operators if operator.name in self.needs.bindings)
+        operators = tuple(
+            operator for operator in domain.operators if operator.name in self.needs.bindings
+        )
         parts = (self.problem.goal, domain.rules, domain.deductive_operators, operators)
         return frozenset(name for part in parts for name in names_within(part))
 
@@ -82,8 +95,8 @@ class OpenedFacts:
 class EditCandidate:
     """Edits under which the relaxed task reaches all goals.
 
-    `effect` is what they change for the planner, as texts; candidates with the same effect have the same plans. It is
-    empty where facts of the initial state are edited.
+    `effect` is what they change for the planner, as texts; candidates with the same effect have the
+    same plans. It is empty where facts of the initial state are edited.
     """
 
     edits: tuple[Edit, ...]
@@ -91,7 +104,9 @@ class EditCandidate:
 
 
 def single_edits(space: ProblemSpace) -> Iterator[EditCandidate]:
-    """Every single edit under which the relaxed task reaches all goals, and that changes something for it."""
+    """Every single edit under which the relaxed task reaches all goals, and that changes
+    something for it.
+    """
     for signature in space.statics:
         yield from _find_candidates(space, OpenedFacts((signature,)), 1)
     yield from _find_candidates(space, OpenedFacts(objects=True), 1)
@@ -100,17 +115,22 @@ def single_edits(space: ProblemSpace) -> Iterator[EditCandidate]:
         if bears(Function(signature[0], (ANYTHING,) * signature[1])):
             candidates = _find_candidates(space, OpenedFacts(fluents=(signature,)), 1)
             yield from (
-                candidate for candidate in candidates if any(map(bears, _edited_facts(candidate.edits[0])))
+                candidate
+                for candidate in candidates
+                if any(map(bears, _edited_facts(candidate.edits[0])))
             )
 
 
 def joint_edits(space: ProblemSpace, size: int, limit: int) -> Iterator[EditCandidate]:
-    """Sets of `size` facts to add or remove, all of them needed for the relaxed task to reach all goals.
+    """Sets of `size` facts to add or remove, all of them needed for the relaxed task to reach all
+    goals.
 
     Quantities are not among them: each has one value, so a value is never added.
     """
     if not space.reachable:
-        statics = tuple(signature for signature in space.statics if signature[0] not in space.computed)
+        statics = tuple(
+            signature for signature in space.statics if signature[0] not in space.computed
+        )
         plain = tuple(
             signature
             for signature in fluent_signatures(space)
@@ -123,7 +143,9 @@ def fluent_signatures(space: ProblemSpace) -> tuple[Signature, ...]:
     """The fluents of the domain."""
     declared = space.problem.domain.predicates.values()
     return tuple(
-        (predicate.name, len(predicate.arguments)) for predicate in declared if predicate.kind is Kind.FLUENT
+        (predicate.name, len(predicate.arguments))
+        for predicate in declared
+        if predicate.kind is Kind.FLUENT
     )
 
 
@@ -134,7 +156,9 @@ def _find_candidates(
     text = "\n".join([*choices.lines(), f":- #count {{ F : _assumed(F) }} != {size}."])
     if choices.count <= TRIAL_GROUNDING_INSTANCES or can_be_grounded(text):
         for model in enumerate_models(text, "_shown", "edit", limit):
-            edits = tuple(edit_of_assumption(term.arguments[0], space.problem.domain) for term in model.terms)
+            edits = tuple(
+                edit_of_assumption(term.arguments[0], space.problem.domain) for term in model.terms
+            )
             yield EditCandidate(edits, model.others)
 
 
@@ -188,7 +212,9 @@ class _EditChoices:
         for signature in opened.statics:
             yield from self._facts(signature, self.problem.statics, self.space.rows(signature), "")
         for signature in opened.fluents:
-            initial_rows = [fact.arguments for fact in self.space.initial if _signature_of(fact) == signature]
+            initial_rows = [
+                fact.arguments for fact in self.space.initial if _signature_of(fact) == signature
+            ]
             yield from self._facts(signature, self.problem.initial, initial_rows, "_r_")
             yield from self._given_now()
         if opened.objects:
@@ -206,7 +232,10 @@ class _EditChoices:
         }
 
     def _starting(self, atom: Atom) -> str:
-        """A fact of the initial state. That it may be gone matters to quantities alone: nothing else is ever denied."""
+        """A fact of the initial state.
+
+        That it may be gone matters to quantities alone: nothing else is ever denied.
+        """
         measured = atom.name in self.problem.domain.quantities
         return f"{reachable_literal(atom)}{f' :- not _gone({atom})' if measured else ''}."
 
@@ -220,8 +249,12 @@ class _EditChoices:
         """A static fact that may be gone, itself or with an object that it mentions."""
         body = [f"not _gone({fact})"]
         if self.opened.objects and fact in self.space.own:
-            mentioned = {str(subterm) for argument in fact.arguments for subterm in terms_within(argument)}
-            body += [f"not _lost({name})" for name in sorted(mentioned & set(object_types(self.space)))]
+            mentioned = {
+                str(subterm) for argument in fact.arguments for subterm in terms_within(argument)
+            }
+            body += [
+                f"not _lost({name})" for name in sorted(mentioned & set(object_types(self.space)))
+            ]
         return f"{fact} :- {', '.join(body)}."
 
     def _facts(
@@ -240,7 +273,10 @@ class _EditChoices:
         domain = f"_dom_{name}_{arity}"
         for place, term in enumerate(values):
             yield from (f"{domain}({place}, {value})." for value in term)
-        yield f"#defined {domain}/2. #defined _given_{arity}_{name}/1. #defined _held_{arity}_{name}/1."
+        yield (
+            f"#defined {domain}/2. #defined _given_{arity}_{name}/1. #defined "
+            f"_held_{arity}_{name}/1."
+        )
         given_predicate, held_predicate = f"_given_{arity}_{name}", f"_held_{arity}_{name}"
         yield from (f"{given_predicate}({fact})." for fact in own)
         yield from (f"{held_predicate}({Function(name, row)})." for row in held_rows)
@@ -268,7 +304,10 @@ class _EditChoices:
         target = str(Function(f"{prefix}{name}", variables))
         yield f"{target} :- _assumed(add({atom})). {target} :- _assumed(change(_, {atom}))."
         if prefix:
-            yield f"{LOOSENED_PREDICATE} :- _assumed(remove({atom})). {LOOSENED_PREDICATE} :- _assumed(change({atom}, _))."
+            yield (
+                f"{LOOSENED_PREDICATE} :- _assumed(remove({atom})). {LOOSENED_PREDICATE} :- "
+                f"_assumed(change({atom}, _))."
+            )
 
     def _objects(self) -> Iterator[str]:
         """The choices among objects: a new one of a type, one less, one of another type."""
@@ -293,12 +332,23 @@ class _EditChoices:
                 if other_type != type_:
                     self.count += 1
                     moved = Function(other_type, fact.arguments)
-                    yield f"{{ _assumed(change({fact}, {moved})) }}. {moved} :- _assumed(change({fact}, {moved}))."
+                    yield (
+                        f"{{ _assumed(change({fact}, {moved})) }}. {moved} :- "
+                        f"_assumed(change({fact}, {moved}))."
+                    )
 
     def _differences(self) -> Iterator[str]:
-        """What edits change for the planner. Those that only take operators away, or change nothing, are no use."""
-        yield "_gain :- _new(_). _gain :- _other(_). :- not _gain. #defined _new/1. #defined _other/1."
-        yield "_shown(new(A)) :- _new(A). _shown(lost(A)) :- _less(A). _shown(other(A)) :- _other(A)."
+        """What edits change for the planner.
+
+        Those that only take operators away, or change nothing, are no use.
+        """
+        yield (
+            "_gain :- _new(_). _gain :- _other(_). :- not _gain. #defined _new/1. #defined "
+            "_other/1."
+        )
+        yield (
+            "_shown(new(A)) :- _new(A). _shown(lost(A)) :- _less(A). _shown(other(A)) :- _other(A)."
+        )
         for name, arity in self.space.instances:
             yield from self._difference((name, arity), "_new", "_less")
         for signature in self.space.shared:

@@ -30,7 +30,8 @@ from cellwright.kb.terms import (
 
 @dataclass(frozen=True, slots=True)
 class PossibleCause:
-    """A step that makes something true, or the fact itself where it follows from another one, and what it needs.
+    """A step that makes something true, or the fact itself where it follows from another one, and
+    what it needs.
 
     `operator` and `bindings` are those of the step.
     """
@@ -50,8 +51,13 @@ def find_causes(semantics: Semantics, atom: Atom) -> Iterator[PossibleCause]:
     """Every step and every deductive operator that could make an atom true."""
     for operator in semantics.problem.domain.operators:
         for effect in (effect for effect in operator.effects if effect.adds):
-            for solution in _cause_bindings(semantics, atom, effect.atom, operator.parameters, operator.body):
-                needs = (*plain_conjuncts(operator.precondition), *plain_conjuncts(effect.condition))
+            for solution in _cause_bindings(
+                semantics, atom, effect.atom, operator.parameters, operator.body
+            ):
+                needs = (
+                    *plain_conjuncts(operator.precondition),
+                    *plain_conjuncts(effect.condition),
+                )
                 yield PossibleCause(
                     str(substitute_atom(operator.header, solution)),
                     tuple(substitute_part(need, solution) for need in needs),
@@ -63,12 +69,16 @@ def find_causes(semantics: Semantics, atom: Atom) -> Iterator[PossibleCause]:
                     ),
                 )
     for rule in semantics.problem.domain.deductive_operators:
-        for implication in (consequence for consequence in rule.consequences if consequence.implied):
+        for implication in (
+            consequence for consequence in rule.consequences if consequence.implied
+        ):
             parameters = (*rule.parameters, *implication.parameters)
             for solution_entry in _cause_bindings(
                 semantics, atom, implication.atom, parameters, (*rule.body, *implication.body)
             ):
-                trigger = Literal(substitute_atom(rule.trigger.atom, solution_entry), rule.trigger.positive)
+                trigger = Literal(
+                    substitute_atom(rule.trigger.atom, solution_entry), rule.trigger.positive
+                )
                 yield PossibleCause(str(atom), (trigger,))
 
 
@@ -87,7 +97,9 @@ def _cause_bindings(
             bound = match_term(own, wanted_argument, bound)
     if bound is not None:
         yield from solve_conditions(
-            (*_type_literals(semantics, parameters), *semantics.body(body)), semantics.statics, bound
+            (*_type_literals(semantics, parameters), *semantics.body(body)),
+            semantics.statics,
+            bound,
         )
 
 
@@ -110,7 +122,11 @@ class CompanionEvent:
 
 def ground_companions(semantics: Semantics, cause: PossibleCause) -> Iterator[CompanionEvent]:
     """The events that a step lets happen, each with the condition under which it does."""
-    return (companion for companion in possible_companions(semantics, cause) if is_ground(companion.event))
+    return (
+        companion
+        for companion in possible_companions(semantics, cause)
+        if is_ground(companion.event)
+    )
 
 
 def possible_companions(semantics: Semantics, cause: PossibleCause) -> Iterator[CompanionEvent]:
@@ -120,10 +136,15 @@ def possible_companions(semantics: Semantics, cause: PossibleCause) -> Iterator[
         if effect.adds and domain.predicates[effect.atom.name].kind is Kind.EVENT:
             for solution in _effect_bindings(semantics, effect, bindings):
                 when = tuple(
-                    substitute_part(condition, solution) for condition in plain_conjuncts(effect.condition)
+                    substitute_part(condition, solution)
+                    for condition in plain_conjuncts(effect.condition)
                 )
                 yield CompanionEvent(substitute_atom(effect.atom, solution), when)
 
 
-def _effect_bindings(semantics: Semantics, effect: Effect, bindings: Substitution) -> Iterator[Substitution]:
-    return solve_conditions(_type_literals(semantics, effect.parameters), semantics.statics, dict(bindings))
+def _effect_bindings(
+    semantics: Semantics, effect: Effect, bindings: Substitution
+) -> Iterator[Substitution]:
+    return solve_conditions(
+        _type_literals(semantics, effect.parameters), semantics.statics, dict(bindings)
+    )

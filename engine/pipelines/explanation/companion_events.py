@@ -1,7 +1,8 @@
 """Finds events that no workflow asks for, and that would give a plan if they were asked for.
 
-A step that reaches a stage may let others happen, too: all that lies in a rotor is spun. And a step that a goal needs may let
-something happen, such as what fills a tube, while the problem has no workflow.
+A step that reaches a stage may let others happen, too: all that lies in a rotor is spun. And a step
+that a goal needs may let something happen, such as what fills a tube, while the problem has no
+workflow.
 """
 
 import itertools
@@ -15,7 +16,16 @@ from cellwright.engine.pipelines.explanation.causes import find_causes, possible
 from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
 from cellwright.engine.pipelines.explanation.unreachable_goals import GoalOrStage
 from cellwright.engine.stages.validation.operator_semantics import Semantics
-from cellwright.kb.model.conditions import And, Comparison, Condition, Exists, ForAll, Literal, Not, Or
+from cellwright.kb.model.conditions import (
+    And,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+)
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.model.planning_problem import Chain, Problem
 from cellwright.kb.terms import Atom, Number, stage_parts, substitute_atom, term_variables
@@ -31,7 +41,9 @@ Planned = Callable[[Problem], Outcome | None]
 def find_companions(
     problem: Problem, goals: Sequence[GoalOrStage], space: ProblemSpace, planned: Planned
 ) -> Iterator[tuple[Amendment, Found]]:
-    """The fewest events that have to be asked for besides the goals so that there is a plan, with that plan."""
+    """The fewest events that have to be asked for besides the goals so that there is a plan,
+    with that plan.
+    """
     events = tuple(unasked_events(problem, goals, space))
     loose = planned(_allow_events(problem, events)) if events else None
     if not isinstance(
@@ -61,7 +73,9 @@ def _allow_events(problem: Problem, events: Iterable[Atom]) -> Problem:
 def _needed_events(
     problem: Problem, plan: Plan, events: Sequence[Atom], planned: Planned
 ) -> Iterator[tuple[Amendment, Found]]:
-    """Those of the events that occur in a plan, if there is a plan where they are asked for, and none of them can be left out."""
+    """Those of the events that occur in a plan, if there is a plan where they are asked for,
+    and none of them can be left out.
+    """
     happened = _plan_events(problem, plan)
     used_events = [event for event in events if event in happened]
     for event in list(used_events):
@@ -87,8 +101,11 @@ def _plan_events(problem: Problem, plan: Plan) -> frozenset[Atom]:
     return frozenset(occurred)
 
 
-def unasked_events(problem: Problem, goals: Sequence[GoalOrStage], space: ProblemSpace) -> Iterator[Atom]:
-    """Each event that no workflow asks for and that a step lets happen which reaches a goal, or what that step needs.
+def unasked_events(
+    problem: Problem, goals: Sequence[GoalOrStage], space: ProblemSpace
+) -> Iterator[Atom]:
+    """Each event that no workflow asks for and that a step lets happen which reaches a goal, or
+    what that step needs.
 
     First come those of steps that reach `goals`, then those of steps that all other goals need.
     """
@@ -100,7 +117,10 @@ def unasked_events(problem: Problem, goals: Sequence[GoalOrStage], space: Proble
         for stage in chain.stages[: lengths.get(chain.name, 0)]:
             for part in stage_parts(stage):
                 yield from seeking.behind(part)
-    for condition in (*(goal.condition for goal in goals if goal.condition is not None), problem.goal):
+    for condition in (
+        *(goal.condition for goal in goals if goal.condition is not None),
+        problem.goal,
+    ):
         for atom in _asked_atoms(condition):
             yield from seeking.behind(atom)
 
@@ -116,7 +136,9 @@ class _EventSearch:
     seen: set[Atom] = field(default_factory=set)
 
     def behind(self, atom: Atom) -> Iterator[Atom]:
-        """The events of steps that make an atom true; then of those that make true what these need and cannot have."""
+        """The events of steps that make an atom true; then of those that make true what these
+        need and cannot have.
+        """
         if atom in self.seen:
             return
         self.seen.add(atom)
@@ -159,7 +181,9 @@ def _goal_amounts(problem: Problem) -> Iterator[Number]:
     named = tuple(dict.fromkeys(_compared_numbers(problem.goal)))
     yield from named
     for atom in problem.initial if named else ():
-        if atom.name in problem.domain.quantities and isinstance(value := atom.arguments[-1], Number):
+        if atom.name in problem.domain.quantities and isinstance(
+            value := atom.arguments[-1], Number
+        ):
             away = (abs(number.value - value.value) for number in named)
             yield from (Number(distance) for distance in away if distance)
 

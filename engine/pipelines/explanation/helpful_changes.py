@@ -1,7 +1,7 @@
 """Searches the smallest changes that give a problem a plan; alike objects are tried once.
 
-Two objects may only be alike together with others: a tube, and the seat where it belongs. So what changes places is found
-from two objects on, and then proved: every fact stays true.
+Two objects may only be alike together with others: a tube, and the seat where it belongs. So what
+changes places is found from two objects on, and then proved: every fact stays true.
 """
 
 import itertools
@@ -20,7 +20,11 @@ from cellwright.engine.pipelines.explanation.amendments import (
     apply_amendment,
     terms_within,
 )
-from cellwright.engine.pipelines.explanation.candidate_edits import EditCandidate, joint_edits, single_edits
+from cellwright.engine.pipelines.explanation.candidate_edits import (
+    EditCandidate,
+    joint_edits,
+    single_edits,
+)
 from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.model.conditions import Exists, Literal, goal_parts
@@ -49,14 +53,21 @@ class AlikeObjects:
 
     def __init__(self, space: ProblemSpace) -> None:
         problem, domain = space.problem, space.problem.domain
-        parts_of_domain = (domain.operators, domain.deductive_operators, domain.defaults, domain.rules)
+        parts_of_domain = (
+            domain.operators,
+            domain.deductive_operators,
+            domain.defaults,
+            domain.rules,
+        )
         texts = [
             repr(parts_of_domain),
             repr(problem.goal),
             repr((domain.quantities, problem.durations)),
             *map(str, (s for c in problem.chains for s in c.stages)),
         ]
-        named = set(re.findall(r"[a-z]\w*", "\n".join([*texts, *(rule.text for rule in domain.asp)])))
+        named = set(
+            re.findall(r"[a-z]\w*", "\n".join([*texts, *(rule.text for rule in domain.asp)]))
+        )
         types = {**domain.objects, **problem.objects}
         self.types = {Function(name): type_ for name, type_ in types.items() if name not in named}
         self.facts = frozenset((*problem.statics, *problem.initial))
@@ -85,7 +96,9 @@ class AlikeObjects:
         """What changes places with what, for neighbours among objects of which the same is said."""
         groups: dict[tuple[object, ...], list[Function]] = defaultdict(list)
         for typed_object in sorted(self.types, key=str):
-            groups[self.types[typed_object], *sorted(self._shapes(typed_object))].append(typed_object)
+            groups[self.types[typed_object], *sorted(self._shapes(typed_object))].append(
+                typed_object
+            )
         pairs = [pair for group in groups.values() for pair in itertools.pairwise(group)]
         if len(pairs) * len(self.facts) <= MAX_COMPARED_PAIRS:
             for first, second in pairs:
@@ -102,7 +115,9 @@ class AlikeObjects:
             yield str(exchange_subterms(fact, hidden))
 
     def _completed(self, swap: dict[Term, Term]) -> Swap | None:
-        """A swap with all that has to change places, too, so that every fact stays true; None if it cannot be."""
+        """A swap with all that has to change places, too, so that every fact stays true; None
+        if it cannot be.
+        """
         waiting = list(swap)
         while waiting:
             for fact in self.about[waiting.pop()]:
@@ -113,11 +128,15 @@ class AlikeObjects:
                     swap |= more
                     waiting += more
         return (
-            swap if all(exchange_subterms(fact, swap) in self.facts for fact in self._touched(swap)) else None
+            swap
+            if all(exchange_subterms(fact, swap) in self.facts for fact in self._touched(swap))
+            else None
         )
 
     def _repair(self, fact: Atom, swap: Swap) -> dict[Term, Term] | None:
-        """The one pair of objects that has to change places, too, so that what a swap makes of a fact is true."""
+        """The one pair of objects that has to change places, too, so that what a swap makes of
+        a fact is true.
+        """
         free = [named_object for named_object in self._things(fact) if named_object not in swap]
         image = exchange_subterms(fact, swap)
         if len(free) != 1:
@@ -139,7 +158,8 @@ class AlikeObjects:
 
 def _exchange_edit(edit: Edit, swap: Swap) -> Edit:
     added, removed = (
-        None if fact is None else exchange_subterms(fact, swap) for fact in (edit.added, edit.removed)
+        None if fact is None else exchange_subterms(fact, swap)
+        for fact in (edit.added, edit.removed)
     )
     assert isinstance(added, Function | None)
     assert isinstance(removed, Function | None)
@@ -151,7 +171,8 @@ MAX_TRIALS = 1_000  # single facts planned with
 MAX_JOINT_TRIALS = 60  # sets of several facts planned with, for each size
 MAX_JOINT_MODELS = 400
 MAX_JOINT = 5  # sets of several facts that are enough
-LARGE_GROWTH = 3  # a change is large if it makes so many times as many instances of operators as there are,
+# a change is large if it makes so many times as many instances of operators as there are,
+LARGE_GROWTH = 3
 LARGE_INSTANCE_COUNT = 300  # or as so many are
 
 _EDIT_VERBS = ("remove", "add", "change")  # the order in which they are tried
@@ -164,7 +185,10 @@ Family = tuple[str, str, tuple[Term | None, ...]]
 
 @dataclass
 class ChangeSearch:
-    """The search for changes that help. `untried` counts candidates that a limit kept from being tried."""
+    """The search for changes that help.
+
+    `untried` counts candidates that a limit kept from being tried.
+    """
 
     space: ProblemSpace
     problem: Problem
@@ -189,11 +213,15 @@ class ChangeSearch:
         for _, candidates in sorted(tiers.items()):
             if not self.found:
                 self._single(
-                    sorted(candidates, key=lambda candidate_entry: self._rank(candidate_entry.edits[0]))
+                    sorted(
+                        candidates, key=lambda candidate_entry: self._rank(candidate_entry.edits[0])
+                    )
                 )
         for size in range(2, MAX_SIZE + 1):
             if not self.found and not self.interrupted():
-                self._joint(sorted(joint_edits(self.space, size, MAX_JOINT_MODELS), key=self._joint_rank))
+                self._joint(
+                    sorted(joint_edits(self.space, size, MAX_JOINT_MODELS), key=self._joint_rank)
+                )
         return self.found
 
     def _single(self, candidates: Iterable[EditCandidate]) -> None:
@@ -208,7 +236,11 @@ class ChangeSearch:
                 continue
             trials += 1
             replacement = next(
-                (replacement for replacement in (*self._instead(edit), edit) if self._try((replacement,))),
+                (
+                    replacement
+                    for replacement in (*self._instead(edit), edit)
+                    if self._try((replacement,))
+                ),
                 None,
             )
             if replacement is not None:
@@ -217,7 +249,9 @@ class ChangeSearch:
                 useless.add(candidate.effect)
 
     def _joint(self, candidates: Iterable[EditCandidate]) -> None:
-        serious = (candidate for candidate in candidates if not any(map(self.is_goal, candidate.edits)))
+        serious = (
+            candidate for candidate in candidates if not any(map(self.is_goal, candidate.edits))
+        )
         for number, candidate in enumerate(serious):
             if number >= MAX_JOINT_TRIALS or len(self.found) >= MAX_JOINT or self.interrupted():
                 return
@@ -227,7 +261,9 @@ class ChangeSearch:
                 self._families |= families
 
     def _try(self, edits: tuple[Edit, ...]) -> bool:
-        """Plan with a change, unless it is in vain for sure: it was tried in place of an addition, or for an object that is alike."""
+        """Plan with a change, unless it is in vain for sure: it was tried in place of an
+        addition, or for an object that is alike.
+        """
         if edits in self._vain:
             return False
         change = Amendment(edits)
@@ -256,21 +292,27 @@ class ChangeSearch:
             self._implied.append(frozenset(grounder.everything()))
 
     def _dominated(self, edit: Edit) -> bool:
-        """Whether what was found says as much: another number, less than a replacement, or what implies the fact.
+        """Whether what was found says as much: another number, less than a replacement, or what
+        implies the fact.
 
-        Another number in place of one that could also be removed is worth telling: it says how far to go.
+        Another number in place of one that could also be removed is worth telling: it says how far
+        to go.
         """
         if edit.added is not None and edit_family(edit) in self._families:
             return True
         if edit.verb == "change" and edit.removed in self._removed and not _is_renumbering(edit):
             return True
-        return self._computed(edit) and any(edit.added in implied_facts for implied_facts in self._implied)
+        return self._computed(edit) and any(
+            edit.added in implied_facts for implied_facts in self._implied
+        )
 
     def _computed(self, edit: Edit) -> bool:
         return edit.layer == STATIC and edit.fact.name in self.space.computed
 
     def _instead(self, edit: Edit) -> Iterator[Edit]:
-        """Where a fact has one value for each of its other arguments, the new value takes the place of the old."""
+        """Where a fact has one value for each of its other arguments, the new value takes the
+        place of the old.
+        """
         if edit.verb != "add" or edit.layer == OBJECT:
             return
         facts = self.space.problem.statics if edit.layer == STATIC else self.problem.initial
@@ -299,8 +341,9 @@ class ChangeSearch:
         )
 
     def _tier(self, candidate: EditCandidate) -> int:
-        """Plain facts come first. Then come facts that rules compute but people give, too, objects of another type, facts that
-        rules alone compute, what makes the problem many times as large, and goals that hold from the start.
+        """Plain facts come first. Then come facts that rules compute but people give, too, objects
+        of another type, facts that rules alone compute, what makes the problem many times as large,
+        and goals that hold from the start.
         """
         edit = candidate.edits[0]
         if self.is_goal(edit):
@@ -316,13 +359,17 @@ class ChangeSearch:
         return (initial, *zip(*map(self._rank, candidate.edits), strict=True))
 
     def _distance(self, edit: Edit) -> int:
-        """How far the numbers of a new fact are from those that are given for the same things; else their size."""
+        """How far the numbers of a new fact are from those that are given for the same things;
+        else their size.
+        """
         numbers = _fact_numbers(edit.fact)
         facts = (*self.space.problem.statics, *self.problem.initial)
         known_numbers = [
             _fact_numbers(f) for f in facts if edit_family(Edit(edit.layer, f)) == edit_family(edit)
         ] or [[0] * len(numbers)]
-        return min(sum(abs(a - b) for a, b in zip(numbers, own, strict=True)) for own in known_numbers)
+        return min(
+            sum(abs(a - b) for a, b in zip(numbers, own, strict=True)) for own in known_numbers
+        )
 
     def is_goal(self, edit: Edit) -> bool:
         """Whether the edit does no more than to claim that a goal is already reached."""
@@ -331,7 +378,12 @@ class ChangeSearch:
             return False
         wanted_atoms = [
             *goal_atoms(self.problem),
-            *(part for chain in self.problem.chains for stage in chain.stages for part in stage_parts(stage)),
+            *(
+                part
+                for chain in self.problem.chains
+                for stage in chain.stages
+                for part in stage_parts(stage)
+            ),
         ]
         return any(match_term(goal_atom, added, {}) is not None for goal_atom in wanted_atoms)
 
@@ -346,17 +398,23 @@ def goal_atoms(problem: Problem) -> Iterator[Atom]:
 
 
 def edit_family(edit: Edit) -> Family:
-    """What edits have in common that give the same fact with other numbers, be it added or in place of another."""
+    """What edits have in common that give the same fact with other numbers, be it added or in
+    place of another.
+    """
     return (
         edit.layer,
         edit.fact.name,
-        tuple(None if isinstance(argument, Number) else argument for argument in edit.fact.arguments),
+        tuple(
+            None if isinstance(argument, Number) else argument for argument in edit.fact.arguments
+        ),
     )
 
 
 def _is_renumbering(edit: Edit) -> bool:
     """Whether a fact stands in place of the same one with another number."""
-    return edit.removed is not None and edit_family(edit) == edit_family(Edit(edit.layer, edit.removed))
+    return edit.removed is not None and edit_family(edit) == edit_family(
+        Edit(edit.layer, edit.removed)
+    )
 
 
 def _fact_numbers(fact: Atom) -> list[int]:

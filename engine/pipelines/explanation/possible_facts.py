@@ -1,7 +1,8 @@
 """What a problem could have been: facts, argument values, and numbers that turn a comparison.
 
-A rule or an operator that compares a number of a fact with something else changes its answer where the two
-are equal. So the other side is solved for the number, and evaluated with all other facts as they are.
+A rule or an operator that compares a number of a fact with something else changes its answer where
+the two are equal. So the other side is solved for the number, and evaluated with all other facts as
+they are.
 """
 
 from collections import defaultdict
@@ -58,8 +59,12 @@ Renamed = Mapping[str, str]
 """For each predicate that changes, the predicate that holds what is reachable of it."""
 
 
-def threshold_rules(texts: Iterable[str], opened: Iterable[Signature], renamed: Renamed) -> Iterator[str]:
-    """Rules for `_threshold(p, i, N)`: N may matter as argument i of predicate p, which is one of `opened`."""
+def threshold_rules(
+    texts: Iterable[str], opened: Iterable[Signature], renamed: Renamed
+) -> Iterator[str]:
+    """Rules for `_threshold(p, i, N)`: N may matter as argument i of predicate p, which is one
+    of `opened`.
+    """
     opened_predicates = set(opened)
     seen: set[str] = set()
     for body in map(read_body, texts):
@@ -106,7 +111,9 @@ def _atom_text(atom: Atom, renamed: Renamed) -> str:
 
 
 def _threshold_terms(body: ReadBody, argument: Variable) -> Iterator[Term]:
-    """What the variable is compared with, once every comparison that has it on one side is solved for it."""
+    """What the variable is compared with, once every comparison that has it on one side is
+    solved for it.
+    """
     for comparison in body.comparisons:
         for bindings in ({}, _equation_definitions(body, argument)):
             left, right = (
@@ -114,7 +121,9 @@ def _threshold_terms(body: ReadBody, argument: Variable) -> Iterator[Term]:
                 substitute_term(comparison.right, bindings),
             )
             if list((*term_variables(left), *term_variables(right))).count(argument) == 1:
-                inside, opposite = (left, right) if argument in term_variables(left) else (right, left)
+                inside, opposite = (
+                    (left, right) if argument in term_variables(left) else (right, left)
+                )
                 if (solution := solve_for_variable(inside, opposite, argument)) is not None:
                     yield solution
 
@@ -123,7 +132,10 @@ def _equation_definitions(body: ReadBody, argument: Variable) -> dict[Variable, 
     """The variables that an equation defines, without `argument`."""
     defined: dict[Variable, Term] = {}
     for comparison in body.comparisons:
-        for left_term, right in ((comparison.left, comparison.right), (comparison.right, comparison.left)):
+        for left_term, right in (
+            (comparison.left, comparison.right),
+            (comparison.right, comparison.left),
+        ):
             if (
                 comparison.relation == "="
                 and isinstance(left_term, Variable)
@@ -135,7 +147,8 @@ def _equation_definitions(body: ReadBody, argument: Variable) -> dict[Variable, 
 
 
 def solve_for_variable(inside: Term, opposite: Term, unknown: Variable) -> Term | None:
-    """The value of `wanted`, which occurs once in `inside`, for which `inside` equals `other`, up to rounding.
+    """The value of `wanted`, which occurs once in `inside`, for which `inside` equals `other`, up
+    to rounding.
 
     None where it cannot be computed.
     """
@@ -145,12 +158,15 @@ def solve_for_variable(inside: Term, opposite: Term, unknown: Variable) -> Term 
         if (sign := _INVERSE_OPERATORS.get((inside.operator, is_left))) is None:
             return None
         operator, swapped = sign
-        opposite = Operation(operator, rest, opposite) if swapped else Operation(operator, opposite, rest)
+        opposite = (
+            Operation(operator, rest, opposite) if swapped else Operation(operator, opposite, rest)
+        )
         inside = inside.left if is_left else inside.right
     return opposite if inside == unknown else None
 
 
-_INVERSE_OPERATORS = {  # (operator, wanted is on its left): operator of the solution, and whether the rest comes first
+# (operator, wanted is on its left): operator of the solution, and whether the rest comes first
+_INVERSE_OPERATORS = {
     ("+", True): ("-", False),
     ("+", False): ("-", False),
     ("-", True): ("+", False),
@@ -167,11 +183,14 @@ SMALL_NUMBER = 10  # numbers up to this one are tried wherever a number stands
 
 @dataclass(frozen=True)
 class ProblemSpace:
-    """`problem` has the facts of its domain as statics of its own; `initial` is its whole initial state."""
+    """`problem` has the facts of its domain as statics of its own; `initial` is its whole
+    initial state.
+    """
 
     problem: Problem
     initial: tuple[Atom, ...]
-    own: frozenset[Atom] = field(default=frozenset())  # statics that are the problem's, not the domain's
+    # statics that are the problem's, not the domain's
+    own: frozenset[Atom] = field(default=frozenset())
 
     @classmethod
     def of(cls, problem: Problem, initial: tuple[Atom, ...]) -> "ProblemSpace":
@@ -188,14 +207,19 @@ class ProblemSpace:
         """The true static atoms, and the reachable ones of the relaxed task, by predicate."""
         text = [f"{reachable_literal(atom)}." for atom in self.initial]
         text.append(relaxed_rules(self.problem))
-        text += [default_rule(self.problem, number) for number, _ in enumerate(self.problem.domain.defaults)]
+        text += [
+            default_rule(self.problem, number)
+            for number, _ in enumerate(self.problem.domain.defaults)
+        ]
         kinds = self.problem.domain.predicates
         renamed = {
             name: f"_r_{name}"
             for name, predicate in kinds.items()
             if predicate.kind in (Kind.FLUENT, Kind.DERIVED)
         }
-        renamed |= {name: f"_h_{name}" for name, predicate in kinds.items() if predicate.kind is Kind.EVENT}
+        renamed |= {
+            name: f"_h_{name}" for name, predicate in kinds.items() if predicate.kind is Kind.EVENT
+        }
         text.append(f"#defined {THRESHOLD_PREDICATE}/3.")
         text += threshold_rules(self._bodies(), self._numeric(), renamed)
         grounder = evaluate_statics(self.problem, text)
@@ -240,7 +264,9 @@ class ProblemSpace:
     @cached_property
     def computed(self) -> frozenset[str]:
         """The names of static predicates that rules define."""
-        return frozenset(rule.defines[0] for rule in self.problem.domain.asp if rule.defines and rule.body)
+        return frozenset(
+            rule.defines[0] for rule in self.problem.domain.asp if rule.defines and rule.body
+        )
 
     @cached_property
     def given(self) -> frozenset[str]:
@@ -262,28 +288,47 @@ class ProblemSpace:
 
     @cached_property
     def shared(self) -> tuple[Signature, ...]:
-        """The static predicates and types by which a problem differs apart from instances of operators.
+        """The static predicates and types by which a problem differs apart from instances of
+        operators.
 
-        They decide what follows from a step, what a derived predicate or a goal means, and which defaults apply.
+        They decide what follows from a step, what a derived predicate or a goal means, and which
+        defaults apply.
         """
         domain, normaliser = self.problem.domain, Normaliser()
         vocabulary = ChangingPredicates(domain)
         list(precondition_schemas(domain, normaliser, vocabulary))
         effects = [
-            effect for operator in domain.operators for effect in operator.effects if is_conditional(effect)
+            effect
+            for operator in domain.operators
+            for effect in operator.effects
+            if is_conditional(effect)
         ]
         list(conditional_alternatives(domain, normaliser, vocabulary))
-        parts = (domain.deductive_operators, domain.defaults, domain.rules, self.problem.goal, tuple(effects))
-        names_used = {name for part in (*parts, tuple(normaliser.rules)) for name in names_within(part)}
+        parts = (
+            domain.deductive_operators,
+            domain.defaults,
+            domain.rules,
+            self.problem.goal,
+            tuple(effects),
+        )
+        names_used = {
+            name for part in (*parts, tuple(normaliser.rules)) for name in names_within(part)
+        }
         changing = {
-            predicate.name for predicate in domain.predicates.values() if predicate.kind is not Kind.STATIC
+            predicate.name
+            for predicate in domain.predicates.values()
+            if predicate.kind is not Kind.STATIC
         }
         candidates = {*self.atoms, *self.statics, *((name, 1) for name in domain.types)}
-        return tuple(sorted(signature for signature in candidates if signature[0] in names_used - changing))
+        return tuple(
+            sorted(signature for signature in candidates if signature[0] in names_used - changing)
+        )
 
     @cached_property
     def denying(self) -> frozenset[str]:
-        """The static predicates that decide whether a fact denies another one, such as a default."""
+        """The static predicates that decide whether a fact denies another one, such as a
+        default.
+        """
         bodies = [
             (*operator.body, *consequence.body, operator.parameters)
             for operator in self.problem.domain.deductive_operators
@@ -293,7 +338,9 @@ class ProblemSpace:
         names_read = {name for body in bodies for name in names_within(body)}
         while True:
             rules = [
-                rule for rule in self.problem.domain.asp if rule.defines and rule.defines[0] in names_read
+                rule
+                for rule in self.problem.domain.asp
+                if rule.defines and rule.defines[0] in names_read
             ]
             more = names_read | {use.predicate[0] for rule in rules for use in rule.uses}
             if more == names_read:
@@ -306,12 +353,17 @@ class ProblemSpace:
         atoms = (*self.problem.statics, *self.problem.initial)
         terms = {
             inner
-            for atom in (*atoms, *(stage for chain in self.problem.chains for stage in chain.stages))
+            for atom in (
+                *atoms,
+                *(stage for chain in self.problem.chains for stage in chain.stages),
+            )
             for argument in atom.arguments
             for inner in terms_within(argument)
         }
         named = {
-            str(constant) for constant in terms if isinstance(constant, Function) and not constant.arguments
+            str(constant)
+            for constant in terms
+            if isinstance(constant, Function) and not constant.arguments
         }
         named |= set(names_within(self.problem.goal))
         domain = self.problem.domain
@@ -343,13 +395,17 @@ class ProblemSpace:
         predicate = self.problem.domain.predicates.get(signature[0])
         if predicate is None:
             return tuple(self._beside(signature, place) for place in range(signature[1]))
-        return tuple(self._values(signature, place, type_) for place, type_ in enumerate(predicate.arguments))
+        return tuple(
+            self._values(signature, place, type_) for place, type_ in enumerate(predicate.arguments)
+        )
 
     def _values(self, signature: Signature, place: int, type_: str) -> tuple[Term, ...]:
         if type_ in NUMERIC_TYPES:
             return tuple(map(Number, self._numbers(signature, place)))
         if type_ == "text":
-            return tuple(sorted({term for term in self._mentioned if isinstance(term, Text)}, key=str))
+            return tuple(
+                sorted({term for term in self._mentioned if isinstance(term, Text)}, key=str)
+            )
         return tuple(sorted((row[0] for row in self.rows((type_, 1))), key=str))
 
     def _beside(self, signature: Signature, place: int) -> tuple[Term, ...]:
@@ -367,10 +423,14 @@ class ProblemSpace:
         return (fact for fact in facts if (fact.name, len(fact.arguments)) == signature)
 
     def _numbers(self, signature: Signature, place: int) -> list[int]:
-        """Small numbers, those that anything mentions, and those beside which a comparison changes."""
+        """Small numbers, those that anything mentions, and those beside which a comparison
+        changes.
+        """
         own = {fact.arguments[place] for fact in self._given(signature)}
         numbers = {term.value for term in self._mentioned if isinstance(term, Number)}
-        numbers |= {term.value + step for term in own if isinstance(term, Number) for step in (-1, 1)}
+        numbers |= {
+            term.value + step for term in own if isinstance(term, Number) for step in (-1, 1)
+        }
         compared = (Function(signature[0]), Number(place))
         numbers |= {
             row[2].value
@@ -383,12 +443,16 @@ class ProblemSpace:
 
     @cached_property
     def _compared(self) -> frozenset[int]:
-        """The numbers in goals and conditions of operators: with values beside them, a quantity may be enough."""
+        """The numbers in goals and conditions of operators: with values beside them, a quantity
+        may be enough.
+        """
         conditions = (
             self.problem.goal,
             *(operator.precondition for operator in self.problem.domain.operators),
         )
-        inner_values = (inner_value for condition in conditions for inner_value in values_within(condition))
+        inner_values = (
+            inner_value for condition in conditions for inner_value in values_within(condition)
+        )
         return frozenset(number.value for number in inner_values if isinstance(number, Number))
 
     @cached_property
@@ -408,10 +472,17 @@ class ProblemSpace:
         """Every body over statics, as ASP text."""
         domain = self.problem.domain
         yield from (", ".join(rule.body) for rule in domain.asp if rule.body)
-        parts = [*(rule.body for rule in domain.rules), *(default.body for default in domain.defaults)]
-        parts += [(*operator.body, *_plain_body(operator.precondition)) for operator in domain.operators]
+        parts = [
+            *(rule.body for rule in domain.rules),
+            *(default.body for default in domain.defaults),
+        ]
+        parts += [
+            (*operator.body, *_plain_body(operator.precondition)) for operator in domain.operators
+        ]
         for deductive in domain.deductive_operators:
-            parts += [(*deductive.body, *consequence.body) for consequence in deductive.consequences]
+            parts += [
+                (*deductive.body, *consequence.body) for consequence in deductive.consequences
+            ]
         yield from (", ".join(map(str, body)) for body in parts if body)
 
     def _numeric(self) -> list[Signature]:
@@ -420,16 +491,22 @@ class ProblemSpace:
             for predicate in self.problem.domain.predicates.values()
             if set(predicate.arguments) & set(NUMERIC_TYPES)
         }
-        return sorted(declared | {(fact.name, len(fact.arguments)) for fact in self.problem.statics})
+        return sorted(
+            declared | {(fact.name, len(fact.arguments)) for fact in self.problem.statics}
+        )
 
 
 def _plain_body(condition: Condition) -> Body:
     """The conjuncts of a condition that are literals, comparisons or aggregates."""
-    return tuple(part for part in goal_parts(condition) if isinstance(part, Literal | Comparison | Aggregate))
+    return tuple(
+        part for part in goal_parts(condition) if isinstance(part, Literal | Comparison | Aggregate)
+    )
 
 
 def names_within(value: object) -> Iterator[str]:
-    """The names of all predicates, terms and types in a value of the model, repeated as they repeat."""
+    """The names of all predicates, terms and types in a value of the model, repeated as they
+    repeat.
+    """
     for inner_value in values_within(value):
         if isinstance(inner_value, Function):
             yield inner_value.name

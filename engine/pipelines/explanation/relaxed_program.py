@@ -1,6 +1,7 @@
 """The relaxed task, without deletes, as an ASP program; also comparisons of quantities in it.
 
-A step that breaks a comparison among the goals is of no use if nothing moves the quantity the other way again.
+A step that breaks a comparison among the goals is of no use if nothing moves the quantity the other
+way again.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -78,7 +79,9 @@ def measured_rules(
         yield rule_text(str(head), body)
         return
     atoms = (head, *(literal.atom for literal in own if isinstance(literal, Literal)))
-    variables_used = (variable for atom in atoms for variable in term_variables(atom) if variable != ANYTHING)
+    variables_used = (
+        variable for atom in atoms for variable in term_variables(atom) if variable != ANYTHING
+    )
     arguments = tuple(dict.fromkeys(variables_used))
     rest = Function(f"_but_{name}", arguments)
     met = [Function(f"_met_{name}_{number}", arguments) for number, _ in enumerate(needed)]
@@ -93,7 +96,9 @@ def change_rules(head: Atom, settings: Iterable[QuantitySetting]) -> Iterator[st
     for setting in settings:
         is_known = not _reads_quantities(setting.value, setting)
         value_fact = (
-            f"{VALUE}({setting.quantity}, {setting.value})" if is_known else f"{CHANGED}({setting.quantity})"
+            f"{VALUE}({setting.quantity}, {setting.value})"
+            if is_known
+            else f"{CHANGED}({setting.quantity})"
         )
         yield rule_text(value_fact, [str(head)])
 
@@ -101,12 +106,20 @@ def change_rules(head: Atom, settings: Iterable[QuantitySetting]) -> Iterator[st
 def move_rules(
     schema: Schema, settings: Iterable[QuantitySetting], vocabulary: ChangingPredicates
 ) -> Iterator[str]:
-    """Whether an operator can raise or lower a quantity, within reach or not: what it needs may come by what it undoes."""
+    """Whether an operator can raise or lower a quantity, within reach or not: what it needs may
+    come by what it undoes.
+    """
     operator = schema.operator
-    plain = [e.atom for e in operator.effects if e.atom.name in vocabulary.events and not is_conditional(e)]
+    plain = [
+        e.atom
+        for e in operator.effects
+        if e.atom.name in vocabulary.events and not is_conditional(e)
+    ]
     events = [Function(f"_v_{atom.name}", atom.arguments) for atom in plain]
     given_atoms = [
-        literal.atom for literal in schema.static if isinstance(literal, Literal) and literal.positive
+        literal.atom
+        for literal in schema.static
+        if isinstance(literal, Literal) and literal.positive
     ]
     body = [*type_guard(operator.parameters), *map(str, (*events, *given_atoms))]
     bound = {p.variable for p in operator.parameters if p.type not in UNLISTED_TYPES}
@@ -114,8 +127,12 @@ def move_rules(
     for setting in settings:
         step = _step_down(setting)
         sure = step is not None and set(term_variables(step)) <= bound
-        yield rule_text(f"{RAISED}({setting.quantity})", [*body, *([f"{step} < 0"] if sure else [])])
-        yield rule_text(f"{LOWERED}({setting.quantity})", [*body, *([f"{step} > 0"] if sure else [])])
+        yield rule_text(
+            f"{RAISED}({setting.quantity})", [*body, *([f"{step} < 0"] if sure else [])]
+        )
+        yield rule_text(
+            f"{LOWERED}({setting.quantity})", [*body, *([f"{step} > 0"] if sure else [])]
+        )
 
 
 def start_rules(taken: SeparatedQuantities) -> Iterator[str]:
@@ -126,7 +143,10 @@ def start_rules(taken: SeparatedQuantities) -> Iterator[str]:
     ):
         arguments, value = tuple(Variable(f"X{place}") for place in range(arity)), Variable("Value")
         given_fact = reachable_literal(Function(name, (*arguments, value)))
-        yield f"#defined _r_{name}/{arity + 1}. {VALUE}({Function(name, arguments)}, {value}) :- {given_fact}."
+        yield (
+            f"#defined _r_{name}/{arity + 1}. {VALUE}({Function(name, arguments)}, {value}) :- "
+            f"{given_fact}."
+        )
 
 
 def tests_in(body: Body, taken: SeparatedQuantities) -> list[Literal]:
@@ -162,26 +182,38 @@ def goal_comparisons(goals: Iterable[Body], taken: SeparatedQuantities) -> Itera
         test = next(test for test in taken.tests if test.head.name == literal.atom.name)
         comparison, quantities = _tested_comparison(test, literal)
         if len(quantities) == 1 and comparison.left in quantities and is_ground(comparison.right):
-            yield GoalComparison(next(iter(quantities.values())), comparison.relation, comparison.right)
+            yield GoalComparison(
+                next(iter(quantities.values())), comparison.relation, comparison.right
+            )
 
 
-def goal_keeping_ways(settings: Iterable[QuantitySetting], goals: Sequence[GoalComparison]) -> Iterator[Ways]:
+def goal_keeping_ways(
+    settings: Iterable[QuantitySetting], goals: Sequence[GoalComparison]
+) -> Iterator[Ways]:
     """What an instance of an operator needs so that it does not break a goal for good."""
     for setting in settings:
         if (step := _step_down(setting)) is not None:
             for goal in (goal for goal in goals if goal.quantity.name == setting.quantity.name):
                 other_goal = (
-                    [[f"{setting.quantity} != {goal.quantity}"]] if setting.quantity != goal.quantity else []
+                    [[f"{setting.quantity} != {goal.quantity}"]]
+                    if setting.quantity != goal.quantity
+                    else []
                 )
                 for harmless, relation, back in _HALF_TESTS.get(goal.relation, ()):
                     value_left = [
                         f"{VALUE}({goal.quantity}, _Left)",
                         f"_Left - {step} {relation} {goal.number}",
                     ]
-                    yield [*other_goal, [f"{step} {harmless} 0"], value_left, [f"{back}({goal.quantity})"]]
+                    yield [
+                        *other_goal,
+                        [f"{step} {harmless} 0"],
+                        value_left,
+                        [f"{back}({goal.quantity})"],
+                    ]
 
 
-_HALF_TESTS = {  # which steps do no harm, what has to hold after the others, and what may put it right again
+# which steps do no harm, what has to hold after the others, and what may put it right again
+_HALF_TESTS = {
     ">=": [("<=", ">=", RAISED)],
     ">": [("<=", ">", RAISED)],
     "<=": [(">=", "<=", LOWERED)],
@@ -190,13 +222,19 @@ _HALF_TESTS = {  # which steps do no harm, what has to hold after the others, an
 }
 
 
-def _tested_comparison(test: QuantityTest, literal: Literal) -> tuple[Comparison, dict[Variable, Function]]:
-    """The comparison that a literal stands for, and the quantities whose values its variables are."""
+def _tested_comparison(
+    test: QuantityTest, literal: Literal
+) -> tuple[Comparison, dict[Variable, Function]]:
+    """The comparison that a literal stands for, and the quantities whose values its variables
+    are.
+    """
     bound = match_term(test.head, literal.atom, {}) or {}
     left_term, right = (
         substitute_term(side, bound) for side in (test.comparison.left, test.comparison.right)
     )
-    quantities = {variable: substitute_atom(quantity, bound) for variable, quantity in test.values.items()}
+    quantities = {
+        variable: substitute_atom(quantity, bound) for variable, quantity in test.values.items()
+    }
     return Comparison(left_term, test.comparison.relation, right), quantities
 
 
@@ -221,17 +259,19 @@ LOOSENED_PREDICATE = "_loosened"
 
 
 def relaxed_rules(problem: Problem) -> str:
-    """Everything but the static program and the initial state. `_missed(n)` says that goal n is out of reach.
+    """Everything but the static program and the initial state. `_missed(n)` says that goal n is out
+    of reach.
 
-    With `_loosened`, all defaults apply, whatever denies them. Comparisons of quantities hold as `measures` says; as conditions
-    of effects they are taken to be true.
+    With `_loosened`, all defaults apply, whatever denies them. Comparisons of quantities hold as
+    `measures` says; as conditions of effects they are taken to be true.
     """
     taken = without_quantities(problem)
     problem, normaliser = taken.problem, Normaliser()
     vocabulary = ChangingPredicates(problem.domain)
     tested = list(precondition_schemas(problem.domain, normaliser, vocabulary))
     untested = [
-        replace(tested_schema, static=taken.without_tests(tested_schema.static)) for tested_schema in tested
+        replace(tested_schema, static=taken.without_tests(tested_schema.static))
+        for tested_schema in tested
     ]
     effects = [
         replace(effect, static=taken.without_tests(effect.static))
@@ -253,12 +293,22 @@ def relaxed_rules(problem: Problem) -> str:
         ]
     lines += _under_conditions(untested, effects, vocabulary)
     lines += [derived_rule(derivation, vocabulary) for derivation in derived]
-    lines += [line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)]
+    lines += [
+        line
+        for operator in problem.domain.deductive_operators
+        for line in deduction_rules(operator)
+    ]
     lines += _goal_rules(parts, vocabulary, taken)
-    lines += [f"#defined {LOOSENED_PREDICATE}/0.", f"#defined {MISSED_PREDICATE}/1.", "#defined _goal/1."]
+    lines += [
+        f"#defined {LOOSENED_PREDICATE}/0.",
+        f"#defined {MISSED_PREDICATE}/1.",
+        "#defined _goal/1.",
+    ]
     lines += start_rules(taken)
     lines += _stage_rules(problem, vocabulary, len(parts))
-    return "\n".join([*lines, *_default_rules(problem), *_declaration_rules(problem.domain, vocabulary)])
+    return "\n".join(
+        [*lines, *_default_rules(problem), *_declaration_rules(problem.domain, vocabulary)]
+    )
 
 
 def _instance_rules(
@@ -268,7 +318,9 @@ def _instance_rules(
     taken: SeparatedQuantities,
     goals: Sequence[GoalComparison],
 ) -> Iterator[str]:
-    """When an instance of a schema is within reach and does no harm, and which quantities it changes."""
+    """When an instance of a schema is within reach and does no harm, and which quantities it
+    changes.
+    """
     body, head = instance_body(schema, vocabulary), instance_atom(schema)
     settings = taken.settings.get(schema.operator.name, ())
     needed = [*(possible_ways(test, taken) for test in tests), *goal_keeping_ways(settings, goals)]
@@ -278,14 +330,18 @@ def _instance_rules(
 
 
 def _under_conditions(
-    reachable_schemas: Sequence[Schema], effects: Iterable[Conditional], vocabulary: ChangingPredicates
+    reachable_schemas: Sequence[Schema],
+    effects: Iterable[Conditional],
+    vocabulary: ChangingPredicates,
 ) -> Iterator[str]:
     """What conditional effects add, and the events that happen by them."""
     for effect in effects:
         for schema in reachable_schemas:
             if effect.operator is schema.operator and effect.effect.adds:
                 happens = effect.effect.atom.name in vocabulary.events
-                head = f"_h_{effect.effect.atom}" if happens else reachable_literal(effect.effect.atom)
+                head = (
+                    f"_h_{effect.effect.atom}" if happens else reachable_literal(effect.effect.atom)
+                )
                 yield rule_text(head, conditional_body(effect, schema))
 
 
@@ -308,7 +364,10 @@ def _goal_rules(
 
 
 def new_defaults(problem: Problem, atoms_held: dict[int, Sequence[Atom]]) -> Iterator[str]:
-    """Defaults that apply only under a change. `held` are those that applied before; the initial state has them."""
+    """Defaults that apply only under a change.
+
+    `held` are those that applied before; the initial state has them.
+    """
     if problem.complete:
         return
     for number, default in enumerate(problem.domain.defaults):
@@ -331,7 +390,9 @@ def denial_rules(problem: Problem) -> Iterator[str]:
 def default_rule(problem: Problem, number: int) -> str:
     """The rule for `_default_n(...)`: what a default would add if nothing denied it."""
     atom = problem.domain.defaults[number].atom
-    return rule_text(str(Function(f"_default_{number}", atom.arguments)), _body_lines(problem, number))
+    return rule_text(
+        str(Function(f"_default_{number}", atom.arguments)), _body_lines(problem, number)
+    )
 
 
 def _body_lines(problem: Problem, number: int) -> list[str]:
@@ -354,7 +415,9 @@ def _event_rules(schema: Schema, vocabulary: ChangingPredicates) -> Iterator[str
 
 
 def _stage_rules(problem: Problem, vocabulary: ChangingPredicates, first: int) -> Iterator[str]:
-    stages = dict.fromkeys(part for c in problem.chains for stage in c.stages for part in stage_parts(stage))
+    stages = dict.fromkeys(
+        part for c in problem.chains for stage in c.stages for part in stage_parts(stage)
+    )
     for number, stage in enumerate(stages, first):
         if stage.name in vocabulary.events:
             yield f"_v_{stage}."

@@ -13,7 +13,10 @@ Infeasible = Callable[[Problem], bool | None]  # None if it is not decided
 
 @dataclass(frozen=True, slots=True)
 class GoalOrStage:
-    """A conjunct of the goal, or a chain up to one of its stages. `whole` names the goal that it is a part of."""
+    """A conjunct of the goal, or a chain up to one of its stages.
+
+    `whole` names the goal that it is a part of.
+    """
 
     condition: Condition | None = None
     chain: str = ""
@@ -26,8 +29,12 @@ class GoalOrStage:
 
 
 def minimal_goals(problem: Problem, infeasible: Infeasible) -> list[GoalOrStage]:
-    """A set of goals that has no plan while any part of it has one: a single goal if there is one, else the last such goals."""
-    goals = [GoalOrStage(part, text=str(part), whole=str(part)) for part in goal_parts(problem.goal)]
+    """A set of goals that has no plan while any part of it has one: a single goal if there is
+    one, else the last such goals.
+    """
+    goals = [
+        GoalOrStage(part, text=str(part), whole=str(part)) for part in goal_parts(problem.goal)
+    ]
     for chain in problem.chains:
         text = chain_text(chain.name, chain.stages)
         goals.append(GoalOrStage(None, chain.name, len(chain.stages), text, text))
@@ -59,7 +66,8 @@ class _GoalParts:
     def conflict(
         self, base: Sequence[GoalOrStage], goals: Sequence[GoalOrStage], more: bool = False
     ) -> list[GoalOrStage]:
-        """The goals without which those of the base would have a plan, and none more: by halves (Junker 2004). All together have none.
+        """The goals without which those of the base would have a plan, and none more: by halves
+        (Junker 2004). All together have none.
 
         `more` says that the base has grown, so that it may have no plan by itself.
         """
@@ -83,7 +91,10 @@ def _shorten_chain(problem: Problem, goal: GoalOrStage, infeasible: Infeasible) 
 
 
 def with_goals_only(problem: Problem, goals: Sequence[GoalOrStage]) -> Problem:
-    """The problem with some of its goals alone. The events that the other chains ask for may occur, and need not."""
+    """The problem with some of its goals alone.
+
+    The events that the other chains ask for may occur, and need not.
+    """
     lengths = {goal.chain: goal.stages for goal in goals if goal.chain}
     dropped = {chain.name for chain in problem.chains} - set(lengths)
     chains = (

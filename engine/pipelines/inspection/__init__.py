@@ -1,1 +1,3 @@
-"""Inspections: measurement points, the tools and tours for them, and verdicts on measured values."""
+"""Inspections: measurement points, the tools and tours for them, and verdicts on measured
+values.
+"""

@@ -1,7 +1,7 @@
 """Which arms can make which measurements with which tool, also when tools or arms are lost.
 
-An arm needs a tool that the rules choose for the measurement, and has to reach it. A tool is held by one arm at a time. So a tool that
-no fact gives to an arm goes to one of them for the whole tour.
+An arm needs a tool that the rules choose for the measurement, and has to reach it. A tool is held
+by one arm at a time. So a tool that no fact gives to an arm goes to one of them for the whole tour.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -23,19 +23,23 @@ from cellwright.kb.terms import Function, Term, Variable
 TOOL_SEPARATOR = " or "  # between the names of tools
 MAX_TOOL_ASSIGNMENTS = 64  # to give tools to arms that are compared
 
-Able = Mapping[str, Mapping[str, str]]  # for each arm the measurements that it can make, each with its tool
+# for each arm the measurements that it can make, each with its tool
+Able = Mapping[str, Mapping[str, str]]
 
 
 @dataclass(frozen=True, slots=True)
 class ArmOffers:
-    """What arms can make, for each way to give free tools to arms; and what no arm can, with the reason."""
+    """What arms can make, for each way to give free tools to arms; and what no arm can, with
+    the reason.
+    """
 
     ways: tuple[Able, ...]
     impossible: Mapping[str, str]
 
 
 def arm_offers(problem: Problem, parts: ToolPartition, gone: Collection[str] = ()) -> ArmOffers:
-    """What the arms of a cell can make of the measurements that some tool takes, without tools and arms that are gone.
+    """What the arms of a cell can make of the measurements that some tool takes, without tools and
+    arms that are gone.
 
     Raises `InvalidInput` for a bad cell.
     """
@@ -48,7 +52,9 @@ def arm_offers(problem: Problem, parts: ToolPartition, gone: Collection[str] = (
     )
     tools = {name: [tool for tool in own if tool not in gone] for name, own in chosen.items()}
     ways = []
-    for holds in _tool_assignments(arms, sorted({tool for own in tools.values() for tool in own}), owners):
+    for holds in _tool_assignments(
+        arms, sorted({tool for own in tools.values() for tool in own}), owners
+    ):
         able: dict[str, dict[str, str]] = {arm: {} for arm in arms}
         for name in names:
             for tool in reversed(tools[name]):
@@ -77,13 +83,17 @@ def arm_offers(problem: Problem, parts: ToolPartition, gone: Collection[str] = (
 
 
 def partition_for_arms(problem: Problem) -> ToolPartition:
-    """The measurements by tool; where several arms share them, by the tools of all arms that can make them. Raises `InvalidInput`."""
+    """The measurements by tool; where several arms share them, by the tools of all arms that
+    can make them. Raises `InvalidInput`.
+    """
     parts = partition_by_tool(problem)
     return _by_arms(problem, parts) if is_shared(problem) else parts
 
 
 def _by_arms(problem: Problem, parts: ToolPartition) -> ToolPartition:
-    """The measurements by the tools of all arms that can make them; what no arm can is impossible, with the reason."""
+    """The measurements by the tools of all arms that can make them; what no arm can is
+    impossible, with the reason.
+    """
     offered, tools = arm_offers(problem, parts), dict[str, set[str]]()
     for name, tool in (
         tool_of_name
@@ -96,13 +106,17 @@ def _by_arms(problem: Problem, parts: ToolPartition) -> ToolPartition:
     for name in (name for own in parts.groups.values() for name in own if name in tools):
         groups.setdefault(TOOL_SEPARATOR.join(sorted(tools[name])), []).append(name)
     grouped_names = {tools: tuple(groups[tools]) for tools in sorted(groups)}
-    return replace(parts, groups=grouped_names, impossible={**parts.impossible, **offered.impossible})
+    return replace(
+        parts, groups=grouped_names, impossible={**parts.impossible, **offered.impossible}
+    )
 
 
 def choices_of(problem: Problem) -> dict[str, list[str]]:
     """The tools that the rules choose for each measurement."""
     tools_by_name = dict[str, list[str]]()
-    for tool, name in sorted(evaluate_statics(problem).atoms(problem.domain.conventions.chosen, 2), key=str):
+    for tool, name in sorted(
+        evaluate_statics(problem).atoms(problem.domain.conventions.chosen, 2), key=str
+    ):
         tools_by_name.setdefault(str(name), []).append(str(tool))
     return tools_by_name
 
@@ -116,21 +130,30 @@ def owners_of(problem: Problem) -> dict[str, frozenset[str]]:
 
 
 def _unserved_reason(
-    name: str, reached: Mapping[str, frozenset[str]], chosen: Mapping[str, list[str]], gone: Collection[str]
+    name: str,
+    reached: Mapping[str, frozenset[str]],
+    chosen: Mapping[str, list[str]],
+    gone: Collection[str],
 ) -> str:
     """Why no arm makes a measurement."""
     lost = [lost_name for lost_name in (*sorted(reached[name]), *chosen[name]) if lost_name in gone]
     if lost:
         return f"{' and '.join(lost)} {'is' if len(lost) == 1 else 'are'} lost"
     able = sorted(reached[name])
-    return f"only {' and '.join(able)} would reach it, without a tool for it" if able else "no arm reaches it"
+    return (
+        f"only {' and '.join(able)} would reach it, without a tool for it"
+        if able
+        else "no arm reaches it"
+    )
 
 
 def _tool_assignments(
     arms: tuple[str, ...], tools: list[str], owners: Mapping[str, frozenset[str]]
 ) -> Iterator[Mapping[str, str]]:
     """The arm that holds each tool, in every way; of too many ways, the first."""
-    holders_of_tool = {tool: sorted(owners.get(tool, frozenset(arms)).intersection(arms)) for tool in tools}
+    holders_of_tool = {
+        tool: sorted(owners.get(tool, frozenset(arms)).intersection(arms)) for tool in tools
+    }
     tools = [tool for tool in tools if holders_of_tool[tool]]
     choices = [holders_of_tool[tool] for tool in tools]
     for _, assignment in zip(range(MAX_TOOL_ASSIGNMENTS), product(*choices), strict=False):
@@ -139,7 +162,11 @@ def _tool_assignments(
 
 def _wanted_arms(problem: Problem, names: list[str]) -> dict[str, frozenset[str]]:
     """The arms that goals name, by the measurement."""
-    measured, arms, names_known = problem.domain.conventions.measured, measuring_arms(problem), set(names)
+    measured, arms, names_known = (
+        problem.domain.conventions.measured,
+        measuring_arms(problem),
+        set(names),
+    )
     arms_by_name = dict[str, frozenset[str]]()
     stages = (Literal(stage) for chain in problem.chains for stage in chain.stages)
     asked = (literal for goal in goal_parts(problem.goal) for literal in literals_in(goal))
@@ -153,7 +180,9 @@ def _wanted_arms(problem: Problem, names: list[str]) -> dict[str, frozenset[str]
 def _arm_reach(
     problem: Problem, names: list[str], tools: Mapping[str, list[str]]
 ) -> tuple[dict[str, frozenset[str]], dict[str, str]]:
-    """The arms that reach each measurement, as facts say, else as the cell says; why none does, where the cell says so."""
+    """The arms that reach each measurement, as facts say, else as the cell says; why none does,
+    where the cell says so.
+    """
     words, arms = problem.domain.conventions, measuring_arms(problem)
     told_arms = dict[str, set[str]]()
     for arm, name in evaluate_statics(problem).atoms(words.within_reach, 2):
@@ -193,20 +222,25 @@ def by_arm(problem: Problem, name: str, tool: str, arm: str) -> Literal:
 def partition_after_loss(problem: Problem, lost: Collection[str]) -> ToolPartition:
     """The partition of the measurements when some resources are lost. Raises `InvalidInput`.
 
-    If the domain declares `unavailable(tool)`, its rules may choose another tool. A measurement that is still assigned to
-    an unusable tool is impossible.
+    If the domain declares `unavailable(tool)`, its rules may choose another tool. A measurement
+    that is still assigned to an unusable tool is impossible.
     """
     gone = unusable_resources(problem, lost)
     parts = partition_by_tool(without_tools(problem, gone))
     refused = {
-        name: f"{tool} is lost" for tool, names in parts.groups.items() if tool in gone for name in names
+        name: f"{tool} is lost"
+        for tool, names in parts.groups.items()
+        if tool in gone
+        for name in names
     }
     groups = {tool: names for tool, names in parts.groups.items() if tool not in gone}
     return replace(parts, groups=groups, impossible={**parts.impossible, **refused})
 
 
 def without_tools(problem: Problem, gone: Collection[str]) -> Problem:
-    """The problem with the fact that a tool is unavailable for each tool that is gone, if its domain declares such facts."""
+    """The problem with the fact that a tool is unavailable for each tool that is gone, if its
+    domain declares such facts.
+    """
     unavailable = problem.domain.conventions.unavailable
     declared = problem.domain.predicates.get(unavailable)
     if declared is None or len(declared.arguments) != 1:
@@ -232,7 +266,9 @@ def unusable_resources(problem: Problem, lost: Collection[str]) -> frozenset[str
 
 
 def _is_possible(name: str, choices: Sequence[frozenset[str]], lost: Collection[str]) -> bool:
-    """Whether an object can be a resource of an operator while none of the operator's resources is lost."""
+    """Whether an object can be a resource of an operator while none of the operator's resources
+    is lost.
+    """
     if name in lost or not any(name in candidates for candidates in choices):
         return False
     return all(name in candidates or candidates - set(lost) for candidates in choices)
@@ -243,10 +279,13 @@ def _resource_candidates(operator: Operator, resource: Term, problem: Problem) -
     if not isinstance(resource, Variable):
         return frozenset({str(resource)})
     return _of_type(
-        problem, next(parameter.type for parameter in operator.parameters if parameter.variable == resource)
+        problem,
+        next(parameter.type for parameter in operator.parameters if parameter.variable == resource),
     )
 
 
 def _of_type(problem: Problem, wanted_type: str) -> frozenset[str]:
     objects = {**problem.domain.objects, **problem.objects}
-    return frozenset(name for name, type_ in objects.items() if problem.domain.is_subtype(type_, wanted_type))
+    return frozenset(
+        name for name, type_ in objects.items() if problem.domain.is_subtype(type_, wanted_type)
+    )

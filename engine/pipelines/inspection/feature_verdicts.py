@@ -1,8 +1,9 @@
 """Judges all measured values of an inspection: bad values, features, and the survey of a run.
 
-A single value that its neighbours do not explain (`cellwright.engine.stages.fitting.deviation_outliers`) is in doubt until it is repeated. Values of
-one feature that agree confirm each other: a dent is no bad measurement. Repeated values are averaged; what is unsure about where
-the part lies does not become surer by that.
+A single value that its neighbours do not explain
+(`cellwright.engine.stages.fitting.deviation_outliers`) is in doubt until it is repeated. Values of
+one feature that agree confirm each other: a dent is no bad measurement. Repeated values are
+averaged; what is unsure about where the part lies does not become surer by that.
 """
 
 import math
@@ -39,13 +40,17 @@ from cellwright.engine.stages.fitting.deviation_outliers import expect_deviation
 from cellwright.kb.model.measured_results import COVERAGE_FACTOR, Measured, Results
 from cellwright.kb.model.planning_problem import Problem
 
-SUSPECT_SIGMAS = 3.0  # standard deviations from what the neighbours let expect; so an error of six is caught
+# standard deviations from what the neighbours let expect; so an error of six is caught
+SUSPECT_SIGMAS = 3.0
 Key = tuple[str, str]  # of what, and which quantity
 
 
 @dataclass(frozen=True, slots=True)
 class _FeatureValues:
-    """The values of one feature, with where it is if that is known. `sigma_lying` is how unsure the place of the part makes it."""
+    """The values of one feature, with where it is if that is known.
+
+    `sigma_lying` is how unsure the place of the part makes it.
+    """
 
     values: tuple[Measured, ...]
     point: MeasurementPoint | None
@@ -62,16 +67,25 @@ def assess_features(
     lying: PartAlignment | None = None,
     spoilt: Collection[Spoilt] = (),
 ) -> tuple[MeasuredFeature, ...]:
-    """What was measured of each feature, in the order in which they were first measured. Spoilt values count for nothing."""
+    """What was measured of each feature, in the order in which they were first measured.
+
+    Spoilt values count for nothing.
+    """
     values_by_feature = _by_feature(problem, counting_values(measured, spoilt), lying)
     off, aside = _deviations(values_by_feature), set_aside(measured, spoilt)
-    features = {key: _feature_of(values, off[key], lying) for key, values in values_by_feature.items()}
+    features = {
+        key: _feature_of(values, off[key], lying) for key, values in values_by_feature.items()
+    }
     order = dict.fromkeys((value.of, value.quantity) for value in measured)
     return tuple(_with_spoilt(features.get(key), aside.get(key, [])) for key in order)
 
 
-def _with_spoilt(feature: MeasuredFeature | None, aside: Sequence[tuple[Measured, str]]) -> MeasuredFeature:
-    """A feature with the values that do not count any more; in doubt as long as it has no others."""
+def _with_spoilt(
+    feature: MeasuredFeature | None, aside: Sequence[tuple[Measured, str]]
+) -> MeasuredFeature:
+    """A feature with the values that do not count any more; in doubt as long as it has no
+    others.
+    """
     bad = tuple((spoilt_value, f"{why} has put it in doubt") for spoilt_value, why in aside)
     if feature is not None:
         return replace(feature, bad=(*bad, *feature.bad)) if bad else feature
@@ -89,7 +103,9 @@ def _by_feature(
     values_by_key = dict[Key, list[Measured]]()
     for value in measured:
         point = where.get(value.of)
-        values_by_key.setdefault((value.of, value.quantity), []).append(_in_part(value, point, lying))
+        values_by_key.setdefault((value.of, value.quantity), []).append(
+            _in_part(value, point, lying)
+        )
     return {
         key: _FeatureValues(
             tuple(values), where.get(key[0]), _lying_sigma(values[-1], where.get(key[0]), lying)
@@ -101,7 +117,9 @@ def _by_feature(
 def _is_wrong_datum(number: int, values: _FeatureValues, lying: PartAlignment | None) -> bool:
     """Whether a value is one of a datum that disagrees with the others."""
     return (
-        lying is not None and values.last.of in lying.wrong and values.values[number].at_ms <= lying.since_ms
+        lying is not None
+        and values.last.of in lying.wrong
+        and values.values[number].at_ms <= lying.since_ms
     )
 
 
@@ -109,9 +127,18 @@ def _is_profile(measured: Measured, point: MeasurementPoint | None) -> bool:
     return point is not None and point.kind == PROFILE_KIND and measured.unit in METRES_PER_UNIT
 
 
-def _in_part(measured: Measured, point: MeasurementPoint | None, lying: PartAlignment | None) -> Measured:
-    """A value as it is in the frame of the part: a surface that was measured before it was known where the part lies is moved."""
-    if lying is None or point is None or not _is_profile(measured, point) or measured.at_ms > lying.since_ms:
+def _in_part(
+    measured: Measured, point: MeasurementPoint | None, lying: PartAlignment | None
+) -> Measured:
+    """A value as it is in the frame of the part: a surface that was measured before it was
+    known where the part lies is moved.
+    """
+    if (
+        lying is None
+        or point is None
+        or not _is_profile(measured, point)
+        or measured.at_ms > lying.since_ms
+    ):
         return measured
     unit, nominal = METRES_PER_UNIT[measured.unit], measured.nominal or 0.0
     p, n = np.array(point.position), np.array(point.normal)
@@ -120,16 +147,23 @@ def _in_part(measured: Measured, point: MeasurementPoint | None, lying: PartAlig
     return replace(measured, value=nominal + off / unit)
 
 
-def _lying_sigma(measured: Measured, point: MeasurementPoint | None, lying: PartAlignment | None) -> float:
+def _lying_sigma(
+    measured: Measured, point: MeasurementPoint | None, lying: PartAlignment | None
+) -> float:
     if lying is None or point is None or not _is_profile(measured, point):
         return 0.0
     return (
-        lying.sigma_along(np.array(point.position), np.array(point.normal)) / METRES_PER_UNIT[measured.unit]
+        lying.sigma_along(np.array(point.position), np.array(point.normal))
+        / METRES_PER_UNIT[measured.unit]
     )
 
 
-def _deviations(values_by_feature: Mapping[Key, _FeatureValues]) -> dict[Key, tuple[float, ...] | None]:
-    """How far each value of each feature is from what its neighbours let expect, in standard deviations; None if they tell nothing."""
+def _deviations(
+    values_by_feature: Mapping[Key, _FeatureValues],
+) -> dict[Key, tuple[float, ...] | None]:
+    """How far each value of each feature is from what its neighbours let expect, in standard
+    deviations; None if they tell nothing.
+    """
     deviations: dict[Key, tuple[float, ...] | None] = dict.fromkeys(values_by_feature)
     surfaces = dict[tuple[str, str, float | None], list[Key]]()
     for key, values_known in values_by_feature.items():
@@ -155,7 +189,9 @@ def _neighbour_deviations(
         for key, indices in zip(keys, groups, strict=True)
     ]
     first, sigma = np.array(means).T
-    hopes = expect_deviations(at, along, first, sigma, np.array([len(group) == 1 for group in groups]))
+    hopes = expect_deviations(
+        at, along, first, sigma, np.array([len(group) == 1 for group in groups])
+    )
     deviations: dict[Key, tuple[float, ...] | None] = {}
     for number, key in enumerate(keys):
         hope, unsure = float(hopes.value[number]), float(hopes.sigma[number])
@@ -172,7 +208,8 @@ def _counting_values(
 ) -> tuple[tuple[int, ...], str]:
     """Which values of a feature count, and why they are in doubt, if they are.
 
-    Those that the neighbours explain count; if these explain none, or tell nothing, those that agree with each other.
+    Those that the neighbours explain count; if these explain none, or tell nothing, those that
+    agree with each other.
     """
     groups = agreeing_sets(values.values)
     usual = tuple(n for n, far in enumerate(off or ()) if abs(far) <= SUSPECT_SIGMAS)
@@ -187,7 +224,10 @@ def _counting_values(
         return first, "it disagrees with the other datums"
     if off is None:
         return first, ""
-    return first, f"it is {abs(off[first[0]]):.1f} standard deviations from what its neighbours let expect"
+    return (
+        first,
+        f"it is {abs(off[first[0]]):.1f} standard deviations from what its neighbours let expect",
+    )
 
 
 def _feature_of(
@@ -197,7 +237,9 @@ def _feature_of(
     right = [n for n in range(len(values.values)) if not _is_wrong_datum(n, values, lying)]
     used = right or list(range(len(values.values)))
     some = replace(values, values=tuple(values.values[n] for n in used))
-    places, doubt = _counting_values(some, None if off is None else tuple(off[n] for n in used), not right)
+    places, doubt = _counting_values(
+        some, None if off is None else tuple(off[n] for n in used), not right
+    )
     chosen = tuple(used[n] for n in places)
     value, sigma = weighted_mean(values.values, chosen)
     bad = [
@@ -208,7 +250,9 @@ def _feature_of(
     unsure = COVERAGE_FACTOR * math.hypot(sigma, values.sigma_lying) if sigma else None
     counted = tuple(values.values[number] for number in chosen)
     demand = (last.unit, last.nominal, last.lower, last.upper, last.risk)
-    return MeasuredFeature(last.of, last.quantity, *demand, value, unsure, counted, tuple(bad), doubt)
+    return MeasuredFeature(
+        last.of, last.quantity, *demand, value, unsure, counted, tuple(bad), doubt
+    )
 
 
 def _why_bad(number: int, off: tuple[float, ...] | None) -> str:
@@ -231,9 +275,9 @@ def survey_run(
 ) -> Survey | None:
     """The survey of a run; None for a problem without measurements.
 
-    `alignments` are its records about where the part lies, each with its time, the last one last. `given_up` are goals with reasons,
-    `impossible` measurements that no tool can take, `spoilt` values that were found not to count,
-    `again` why measurements were made again.
+    `alignments` are its records about where the part lies, each with its time, the last one last.
+    `given_up` are goals with reasons, `impossible` measurements that no tool can take, `spoilt`
+    values that were found not to count, `again` why measurements were made again.
     """
     if not chooses_tools(problem.domain):
         return None

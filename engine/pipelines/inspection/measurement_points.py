@@ -2,7 +2,12 @@
 
 from dataclasses import replace
 
-from cellwright.engine.model.part_measurements import UNSAID_NORMAL, MeasurementPoint, Triple, measurements_of
+from cellwright.engine.model.part_measurements import (
+    UNSAID_NORMAL,
+    MeasurementPoint,
+    Triple,
+    measurements_of,
+)
 from cellwright.kb.asp import Grounder
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.loader.problem_amounts import cell_points
@@ -10,15 +15,20 @@ from cellwright.kb.model.name_conventions import Conventions
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Number, Term
 
-PROFILE_KIND = "profile"  # the kind of measurement that tells how far a surface is from where it should be
+# the kind of measurement that tells how far a surface is from where it should be
+PROFILE_KIND = "profile"
 METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": 0.0254}
 
 
 def points_of_problem(problem: Problem) -> list[MeasurementPoint]:
-    """The measurements of a problem that have a position, as their facts tell; where no normal is given, the surface faces down."""
+    """The measurements of a problem that have a position, as their facts tell; where no normal
+    is given, the surface faces down.
+    """
     words = problem.domain.conventions
     told_facts: dict[tuple[str, str], tuple[Term, ...]] = {
-        (fact.name, str(fact.arguments[0])): fact.arguments[1:] for fact in problem.statics if fact.arguments
+        (fact.name, str(fact.arguments[0])): fact.arguments[1:]
+        for fact in problem.statics
+        if fact.arguments
     }
 
     def number(predicate: str, name: str) -> int | None:
@@ -31,7 +41,9 @@ def points_of_problem(problem: Problem) -> list[MeasurementPoint]:
 
     def triple(predicate: str, name: str, scale: float) -> Triple | None:
         numbers = [
-            term.value * scale for term in told_facts.get((predicate, name), ()) if isinstance(term, Number)
+            term.value * scale
+            for term in told_facts.get((predicate, name), ())
+            if isinstance(term, Number)
         ]
         return (numbers[0], numbers[1], numbers[2]) if len(numbers) == 3 else None
 
@@ -42,20 +54,34 @@ def points_of_problem(problem: Problem) -> list[MeasurementPoint]:
             continue
         needed = str(told_facts[words.needs, name][0]) if (words.needs, name) in told_facts else ""
         normal = triple(words.normal, name, 1e-3) or UNSAID_NORMAL
-        sizes = (metres(predicate, name) for predicate in (words.tolerance, words.bore, words.nominal))
+        sizes = (
+            metres(predicate, name) for predicate in (words.tolerance, words.bore, words.nominal)
+        )
         tolerance, bore, nominal = sizes
         kind, (tool, *_) = kinds.get(needed, needed), told_facts.get((words.prefers, name), ("",))
         step = number(words.alignment, name) or 0
         points_made.append(
             MeasurementPoint(
-                name, name, kind, position, normal, tolerance, bore, step, nominal_m=nominal, tool=str(tool)
+                name,
+                name,
+                kind,
+                position,
+                normal,
+                tolerance,
+                bore,
+                step,
+                nominal_m=nominal,
+                tool=str(tool),
             )
         )
     return points_made
 
 
 def given_positions_m(problem: Problem) -> dict[str, tuple[float, ...]]:
-    """The given positions of measurements, in metres, by name. Measurements without a position are left out."""
+    """The given positions of measurements, in metres, by name.
+
+    Measurements without a position are left out.
+    """
     return positions_in(evaluate_statics(problem), problem.domain.conventions)
 
 
@@ -70,10 +96,11 @@ def _point_number(term: Term) -> float:
 
 
 def with_places(problem: Problem) -> Problem:
-    """The problem with a `position` added for each measurement that has none but has a place in the cell.
+    """The problem with a `position` added for each measurement that has none but has a place in the
+    cell.
 
-    The position is that of the place in micrometres, in the frame of the domain's travel, else in the world. Raises
-    `InvalidInput` for a bad cell.
+    The position is that of the place in micrometres, in the frame of the domain's travel, else in
+    the world. Raises `InvalidInput` for a bad cell.
     """
     words, names = problem.domain.conventions, measurements_of(problem)
     if not names or words.position not in problem.domain.predicates:
@@ -81,6 +108,8 @@ def with_places(problem: Problem) -> Problem:
     given_points, point = given_positions_m(problem), cell_points(problem.domain)
     places = {name: point(words.place(name)) for name in names if name not in given_points}
     facts = tuple(
-        Function(words.position, (Function(name), *map(Number, at))) for name, at in places.items() if at
+        Function(words.position, (Function(name), *map(Number, at)))
+        for name, at in places.items()
+        if at
     )
     return replace(problem, statics=(*problem.statics, *facts)) if facts else problem

@@ -46,7 +46,10 @@ class ExpectedValue:
 
 
 class MeasurementJudge:
-    """Judges the measurements of one problem. `amounts` are its numbers, if they have been made already."""
+    """Judges the measurements of one problem.
+
+    `amounts` are its numbers, if they have been made already.
+    """
 
     def __init__(self, problem: Problem, amounts: Amounts | None = None) -> None:
         self._operators = {operator.name: operator for operator in problem.domain.operators}
@@ -65,17 +68,31 @@ class MeasurementJudge:
         if nominal is not None and width is not None:
             lower, upper = nominal - width / 2, nominal + width / 2
         texts = [
-            str(substitute_term(term, bound)) if term is not None else "" for term in (measure.of, measure.by)
+            str(substitute_term(term, bound)) if term is not None else ""
+            for term in (measure.of, measure.by)
         ]
-        uncertainty, risk = self._number(measure.uncertainty, bound), self._number(measure.risk, bound)
+        uncertainty, risk = (
+            self._number(measure.uncertainty, bound),
+            self._number(measure.risk, bound),
+        )
         worth, usual = (self._number(term, bound) or 0.0 for term in (measure.worth, measure.usual))
         limits = (nominal, lower, upper)
         return ExpectedValue(
-            texts[0], measure.quantity, measure.unit, texts[1], *limits, uncertainty, risk, worth, usual
+            texts[0],
+            measure.quantity,
+            measure.unit,
+            texts[1],
+            *limits,
+            uncertainty,
+            risk,
+            worth,
+            usual,
         )
 
     def measured(self, step: Function, reply: Term, at_ms: int) -> Measured | None:
-        """What a step has measured by a reply to its command; None if it measures nothing or the reply has no number."""
+        """What a step has measured by a reply to its command; None if it measures nothing or
+        the reply has no number.
+        """
         expected, operator = self.expected(step), self._operators.get(step.name)
         if expected is None or operator is None or operator.command is None:
             return None
@@ -118,7 +135,9 @@ class MeasurementJudge:
 
 
 def _measured_value(operator: Operator, step: Function, reply: Term) -> float | None:
-    """The number that a reply gives to the measured variable: a whole number, or a text such as "12.5"."""
+    """The number that a reply gives to the measured variable: a whole number, or a text such as
+    "12.5".
+    """
     command = operator.command
     if command is None or command.measures is None:
         return None
@@ -147,8 +166,12 @@ def _plain_number(heard: Mapping[Variable, Term], value: Variable) -> float | No
 
 
 def nominal_findings(problem: Problem) -> list[Diagnostic]:
-    """What is wrong with the nominal values and tolerances that the facts of a problem give to its measurements."""
-    measures = [operator.command.measures for operator in problem.domain.operators if operator.command]
+    """What is wrong with the nominal values and tolerances that the facts of a problem give to
+    its measurements.
+    """
+    measures = [
+        operator.command.measures for operator in problem.domain.operators if operator.command
+    ]
     measures_stated = [measured for measured in measures if measured is not None]
     if not measures_stated:
         return []
@@ -158,7 +181,9 @@ def nominal_findings(problem: Problem) -> list[Diagnostic]:
         for measure in measures_stated
         for diagnostic in _measure_findings(measure, problem, amounts)
     ]
-    return list({(diagnostic.where, diagnostic.message): diagnostic for diagnostic in diagnostics}.values())
+    return list(
+        {(diagnostic.where, diagnostic.message): diagnostic for diagnostic in diagnostics}.values()
+    )
 
 
 def _measure_findings(measure: Measure, problem: Problem, amounts: Amounts) -> Iterator[Diagnostic]:
@@ -186,7 +211,10 @@ def _number_fault(name: str, value: int) -> tuple[str, str] | None:
     if name == "uncertainty" and value < 0:
         return "and no uncertainty is negative", "give two standard deviations"
     if name == "risk" and not 0 < value < 50:
-        return "and a risk is more than 0 and less than 50 percent", "give how many percent may be wrong"
+        return (
+            "and a risk is more than 0 and less than 50 percent",
+            "give how many percent may be wrong",
+        )
     return None
 
 

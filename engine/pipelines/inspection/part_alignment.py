@@ -30,7 +30,10 @@ def value_sigma(measured: Measured) -> float:
 
 
 def agreeing_sets(values: Sequence[Measured]) -> tuple[tuple[int, ...], ...]:
-    """The largest sets of values that agree with each other; several if none is the largest. Without uncertainty the last counts."""
+    """The largest sets of values that agree with each other; several if none is the largest.
+
+    Without uncertainty the last counts.
+    """
     if len(values) == 1 or not all(map(value_sigma, values)):
         return ((len(values) - 1,),)
     groups = set[tuple[int, ...]]()
@@ -49,7 +52,9 @@ def agreeing_sets(values: Sequence[Measured]) -> tuple[tuple[int, ...], ...]:
 
 
 def weighted_mean(values: Sequence[Measured], chosen: Sequence[int]) -> tuple[float, float]:
-    """The mean of some values, weighed by their standard deviations, and the standard deviation of it; 0 if none is known."""
+    """The mean of some values, weighed by their standard deviations, and the standard deviation
+    of it; 0 if none is known.
+    """
     some = [values[index] for index in chosen]
     if not all(map(value_sigma, some)):
         return some[-1].value, 0.0
@@ -60,9 +65,11 @@ def weighted_mean(values: Sequence[Measured], chosen: Sequence[int]) -> tuple[fl
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartAlignment:
-    """Where a part was found to lie, as a displacement (4, 4) of its model, and since when its points were measured there.
+    """Where a part was found to lie, as a displacement (4, 4) of its model, and since when its
+    points were measured there.
 
-    `centre` (3,) and `covariance` (6, 6) say how sure that is, as in `Alignment`. `wrong` are datums that disagree, `datums` is how many agree.
+    `centre` (3,) and `covariance` (6, 6) say how sure that is, as in `Alignment`. `wrong` are
+    datums that disagree, `datums` is how many agree.
     """
 
     T: Floats
@@ -85,8 +92,12 @@ def lying_of(content: Mapping[str, Any], since_ms: int) -> PartAlignment:
     return PartAlignment(T, since_ms, *sure, tuple(content["wrong"]), int(content.get("datums", 0)))
 
 
-def lying_in(alignments: Iterable[tuple[Mapping[str, Any], int]]) -> tuple[PartAlignment | None, str]:
-    """Where the part lies by the last of some records with their times, if one says so; and why its datums fit nowhere, if the last says that."""
+def lying_in(
+    alignments: Iterable[tuple[Mapping[str, Any], int]],
+) -> tuple[PartAlignment | None, str]:
+    """Where the part lies by the last of some records with their times, if one says so; and why
+    its datums fit nowhere, if the last says that.
+    """
     alignment, refused = None, ""
     for content, at_ms in alignments:
         alignment = lying_of(content, at_ms) if content["part"] else alignment
@@ -97,7 +108,9 @@ def lying_in(alignments: Iterable[tuple[Mapping[str, Any], int]]) -> tuple[PartA
 def known_profiles(problem: Problem) -> dict[str, MeasurementPoint]:
     """The profiles of a problem whose places are known, by name."""
     return {
-        point.name: point for point in points_of_problem(with_places(problem)) if point.kind == PROFILE_KIND
+        point.name: point
+        for point in points_of_problem(with_places(problem))
+        if point.kind == PROFILE_KIND
     }
 
 
@@ -109,9 +122,13 @@ def datum_points(problem: Problem) -> dict[str, MeasurementPoint]:
 
 
 def alignment_asked(problem: Problem) -> tuple[str, ...]:
-    """The measurements in the alignment's steps, in their order; none if the problem asks for no alignment."""
+    """The measurements in the alignment's steps, in their order; none if the problem asks for
+    no alignment.
+    """
     words = problem.domain.conventions
-    told_pairs = ((str(f.arguments[0]), f.arguments[1]) for f in problem.statics if f.name == words.alignment)
+    told_pairs = (
+        (str(f.arguments[0]), f.arguments[1]) for f in problem.statics if f.name == words.alignment
+    )
     steps = sorted((step.value, name) for name, step in told_pairs if isinstance(step, Number))
     return tuple(name for _, name in steps)
 
@@ -119,9 +136,12 @@ def alignment_asked(problem: Problem) -> tuple[str, ...]:
 def datums_of_points(
     deviations: Sequence[tuple[MeasurementPoint, float]], sigma_m: Sequence[float]
 ) -> Datums:
-    """Points with how far (m) along its normal the surface lies from each, and the standard deviation of that."""
+    """Points with how far (m) along its normal the surface lies from each, and the standard
+    deviation of that.
+    """
     nominal, normals = (
-        np.array([getattr(p, attribute) for p, _ in deviations]) for attribute in ("position", "normal")
+        np.array([getattr(p, attribute) for p, _ in deviations])
+        for attribute in ("position", "normal")
     )
     measured = nominal + normals * np.array([off for _, off in deviations])[:, None]
     names = tuple(point.name for point, _ in deviations)
@@ -131,7 +151,9 @@ def datums_of_points(
 
 
 def measured_datums(problem: Problem, measured: Sequence[Measured]) -> Datums | None:
-    """The datums of the alignment's steps, each with the mean of its values that agree; None if one is missing, or nobody said how sure it is."""
+    """The datums of the alignment's steps, each with the mean of its values that agree; None if
+    one is missing, or nobody said how sure it is.
+    """
     asked, points_known = alignment_asked(problem), datum_points(problem)
     values = dict[str, list[Measured]]()
     for measured_value in measured:
@@ -152,15 +174,21 @@ def measured_datums(problem: Problem, measured: Sequence[Measured]) -> Datums | 
 
 
 def once_m(measured: Sequence[Measured], names: Sequence[str]) -> Floats:
-    """The standard deviations (n,) in metres of one more value of each of some measurements, as of its last one."""
+    """The standard deviations (n,) in metres of one more value of each of some measurements, as
+    of its last one.
+    """
     last = {value.of: value for value in measured}
     return np.array([value_sigma(last[name]) * METRES_PER_UNIT[last[name].unit] for name in names])
 
 
 def aligned_within_m(problem: Problem) -> float | None:
-    """How well every measured point has to be known once the part is aligned: two standard deviations, in metres; None if nobody says."""
+    """How well every measured point has to be known once the part is aligned: two standard
+    deviations, in metres; None if nobody says.
+    """
     words = problem.domain.conventions
-    limits_told = [fact.arguments[0] for fact in problem.statics if fact.name == words.aligned_within]
+    limits_told = [
+        fact.arguments[0] for fact in problem.statics if fact.name == words.aligned_within
+    ]
     numbers = [term.value for term in limits_told if isinstance(term, Number)]
     return 1e-6 * min(numbers) if numbers else None
 
@@ -177,8 +205,12 @@ def displace_problem(problem: Problem, T: Floats) -> Problem:
     for point in points_of_problem(problem_told):
         name = Function(point.name)
         at, along = apply(T, np.array([point.position]))[0], T[:3, :3] @ np.array(point.normal)
-        moved[words.position, point.name] = Function(words.position, (name, *_whole_numbers(at, 1e6)))
-        moved[words.normal, point.name] = Function(words.normal, (name, *_whole_numbers(along, 1e3)))
+        moved[words.position, point.name] = Function(
+            words.position, (name, *_whole_numbers(at, 1e6))
+        )
+        moved[words.normal, point.name] = Function(
+            words.normal, (name, *_whole_numbers(along, 1e3))
+        )
     statics = tuple(
         moved.get((fact.name, str(fact.arguments[0])), fact) if fact.arguments else fact
         for fact in problem_told.statics

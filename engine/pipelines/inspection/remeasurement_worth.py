@@ -9,29 +9,42 @@ from cellwright.engine.model.verdicts import MeasuredFeature
 from cellwright.engine.pipelines.inspection.nominal_values import MeasurementJudge
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.model.domain_model import Operator
-from cellwright.kb.model.measured_results import COVERAGE_FACTOR, RISK_PERCENT, Conformity, check_conformity
+from cellwright.kb.model.measured_results import (
+    COVERAGE_FACTOR,
+    RISK_PERCENT,
+    Conformity,
+    check_conformity,
+)
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Variable
 
 
 @dataclass(frozen=True, slots=True)
 class RemeasurementOffer:
-    """A tool, the expanded uncertainty of its values in the unit of the feature, and the worth of a decision in units of time."""
+    """A tool, the expanded uncertainty of its values in the unit of the feature, and the worth
+    of a decision in units of time.
+    """
 
     tool: str
     uncertainty: float
     worth: float
 
 
-def remeasurement_offers(problem: Problem, feature: MeasuredFeature) -> tuple[RemeasurementOffer, ...]:
-    """The tools of the feature's kind that the rules of the domain do not refuse for it, in the order of their names."""
+def remeasurement_offers(
+    problem: Problem, feature: MeasuredFeature
+) -> tuple[RemeasurementOffer, ...]:
+    """The tools of the feature's kind that the rules of the domain do not refuse for it, in the
+    order of their names.
+    """
     refused = {
         (str(tool), str(name))
         for tool, name, _ in evaluate_statics(problem).atoms(problem.domain.conventions.refused, 3)
     }
     offers_found = _all_offers(problem, MeasurementJudge(problem), feature)
     return tuple(
-        sorted((e for e in offers_found if (e.tool, feature.of) not in refused), key=lambda e: e.tool)
+        sorted(
+            (e for e in offers_found if (e.tool, feature.of) not in refused), key=lambda e: e.tool
+        )
     )
 
 
@@ -40,10 +53,16 @@ def _all_offers(
 ) -> Iterator[RemeasurementOffer]:
     for operator in problem.domain.operators:
         measure = operator.command.measures if operator.command else None
-        if measure is None or measure.quantity != feature.quantity or not isinstance(measure.by, Variable):
+        if (
+            measure is None
+            or measure.quantity != feature.quantity
+            or not isinstance(measure.by, Variable)
+        ):
             continue
         for tool in _of_type(problem, operator, measure.by):
-            asked = measuring.expected(_measuring_step(operator, measure.by, measure.of, tool, feature.of))
+            asked = measuring.expected(
+                _measuring_step(operator, measure.by, measure.of, tool, feature.of)
+            )
             if asked is not None and asked.of == feature.of and asked.uncertainty and asked.worth:
                 yield RemeasurementOffer(tool, asked.uncertainty, asked.worth)
 
@@ -71,7 +90,8 @@ EQUAL_DRAWS = 99  # equally probable means
 def chance_of_decision(feature: MeasuredFeature, uncertainty: float, common: float = 0.0) -> float:
     """How probable it is that one more value, with an expanded uncertainty of its own, decides.
 
-    `common` is the part of the feature's expanded uncertainty that all its values share, such as that of where the part lies.
+    `common` is the part of the feature's expanded uncertainty that all its values share, such as
+    that of where the part lies.
     """
     if feature.value is None or not feature.uncertainty or uncertainty <= 0:
         return 0.0

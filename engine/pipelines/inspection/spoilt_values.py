@@ -1,6 +1,7 @@
 """Values that no longer count: their tool was found wrong later, or the part had moved.
 
-The fault base says which measurements a cause spoils, and since when (`since`). A run notes them when it finds the cause.
+The fault base says which measurements a cause spoils, and since when (`since`). A run notes them
+when it finds the cause.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -12,7 +13,9 @@ from cellwright.kb.terms import Atom, Function
 
 
 def spoilt_measurements(gone: Iterable[Atom], measured: str) -> list[list[str]]:
-    """The measurements among facts that do not hold any more, each as what was measured and by which tool, as a record has them."""
+    """The measurements among facts that do not hold any more, each as what was measured and by
+    which tool, as a record has them.
+    """
     facts_gone = (fact for fact in gone if fact.name == measured and len(fact.arguments) > 1)
     return [[str(_inner_name(fact)), str(fact.arguments[0])] for fact in facts_gone]
 
@@ -44,14 +47,17 @@ def why_spoilt(measured: Measured, spoilt: Collection[Spoilt]) -> str | None:
         if (spoilt_value.of, spoilt_value.tool) == (measured.of, measured.tool)
     )
     return next(
-        (spoilt_value.why for spoilt_value in reasons if measured.at_ms <= spoilt_value.until_ms), None
+        (spoilt_value.why for spoilt_value in reasons if measured.at_ms <= spoilt_value.until_ms),
+        None,
     )
 
 
 def set_aside(
     measured: Sequence[Measured], spoilt: Collection[Spoilt]
 ) -> dict[tuple[str, str], list[tuple[Measured, str]]]:
-    """The values that do not count any more with the reasons, by what was measured and which quantity."""
+    """The values that do not count any more with the reasons, by what was measured and which
+    quantity.
+    """
     values_aside: dict[tuple[str, str], list[tuple[Measured, str]]] = {}
     for value in measured:
         if (why := why_spoilt(value, spoilt)) is not None:

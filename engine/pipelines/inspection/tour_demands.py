@@ -23,7 +23,9 @@ Window = tuple[int, int | None]
 
 @dataclass(frozen=True, slots=True)
 class TourDemands:
-    """Windows (earliest and latest beginning, None if any), durations and pairs (first, second), by names of visits."""
+    """Windows (earliest and latest beginning, None if any), durations and pairs (first,
+    second), by names of visits.
+    """
 
     windows: Mapping[str, Window] = field(default_factory=dict)
     lasts: Mapping[str, int] = field(default_factory=dict)
@@ -44,7 +46,10 @@ class TourDemands:
 
 
 def of_facts(facts: Facts, words: Conventions, where: Source) -> TourDemands:
-    """The demands of the static facts of a problem. Raises `InvalidInput` if a measurement has two windows or durations."""
+    """The demands of the static facts of a problem.
+
+    Raises `InvalidInput` if a measurement has two windows or durations.
+    """
     windows = _numbers_by_name(words.window, facts(words.window, 3), where)
     lasts = _numbers_by_name(words.lasts, facts(words.lasts, 2), where)
     pairs = sorted((str(first), str(second)) for first, second in facts(words.before, 2))
@@ -63,12 +68,17 @@ def _numbers_by_name(
     for name, *values in facts:
         numbers = _demanded_numbers(predicate, name, values, where)
         if numbers_by_name.setdefault(str(name), numbers) != numbers:
-            message = f"{name} has two values of {predicate}: {_join_values(numbers_by_name[str(name)])} and {_join_values(numbers)}"
+            message = (
+                f"{name} has two values of {predicate}: "
+                f"{_join_values(numbers_by_name[str(name)])} and {_join_values(numbers)}"
+            )
             raise InvalidInput([Diagnostic(where, "K115", message, "keep one of them")])
     return numbers_by_name
 
 
-def _demanded_numbers(predicate: str, name: Term, values: Sequence[Term], where: Source) -> tuple[int, ...]:
+def _demanded_numbers(
+    predicate: str, name: Term, values: Sequence[Term], where: Source
+) -> tuple[int, ...]:
     numbers = tuple(value.value for value in values if isinstance(value, Number))
     if len(numbers) == len(values) and min(numbers) >= 0 and list(numbers) == sorted(numbers):
         return numbers
@@ -82,7 +92,9 @@ def _join_values(values: Sequence[object]) -> str:
 
 
 def demand_findings(problem: Problem) -> list[Diagnostic]:
-    """What is wrong with the windows, durations and precedence that the facts of a problem demand of its tours."""
+    """What is wrong with the windows, durations and precedence that the facts of a problem
+    demand of its tours.
+    """
     words, where = problem.domain.conventions, Source(problem.path)
     if not {words.window, words.lasts, words.before} & set(problem.domain.predicates):
         return []
@@ -99,7 +111,9 @@ def demand_findings(problem: Problem) -> list[Diagnostic]:
 
 
 def _find_cycle(pairs: Sequence[tuple[str, str]]) -> list[str]:
-    """Names of which each comes before the next, and the last is the first; empty if there are none."""
+    """Names of which each comes before the next, and the last is the first; empty if there are
+    none.
+    """
     earlier: dict[str, list[str]] = {}
     for first, second in pairs:
         earlier.setdefault(second, []).append(first)
@@ -162,13 +176,17 @@ def require_known_visits(demands: TourDemands, names: set[str]) -> None:
 
 
 def as_facts(problem: Problem, demands: TourDemands) -> Problem:
-    """The problem with demands as static facts, in place of those that it has on the same measurements. Raises `InvalidInput`.
+    """The problem with demands as static facts, in place of those that it has on the same
+    measurements. Raises `InvalidInput`.
 
     So whoever plans, times or checks keeps them, and a plan file holds them.
     """
     words = problem.domain.conventions
     facts = [
-        *(_demand_fact(words.window, name, first, last) for name, (first, last) in demands.windows.items()),
+        *(
+            _demand_fact(words.window, name, first, last)
+            for name, (first, last) in demands.windows.items()
+        ),
         *(_demand_fact(words.lasts, name, duration) for name, duration in demands.lasts.items()),
         *(
             Function(words.before, (Function(first_name), Function(second_name)))
@@ -197,12 +215,16 @@ def as_facts(problem: Problem, demands: TourDemands) -> Problem:
 def _demand_fact(predicate: str, name: str, *values: int | None) -> Function:
     """A fact that gives a measurement numbers; the greatest number stands for none."""
     return Function(
-        predicate, (Function(name), *(Number(MAX_AMOUNT if value is None else value) for value in values))
+        predicate,
+        (Function(name), *(Number(MAX_AMOUNT if value is None else value) for value in values)),
     )
 
 
 def with_demands(tours: TourProblem, demands: TourDemands) -> TourProblem:
-    """The tour with windows, durations and precedence. Demands on what is no visit of the tour are left out."""
+    """The tour with windows, durations and precedence.
+
+    Demands on what is no visit of the tour are left out.
+    """
     place = {visit.name: number for number, visit in enumerate(tours.visits)}
     pairs = [(place[a], place[b]) for a, b in demands.before if a in place and b in place]
     return replace(
@@ -218,7 +240,10 @@ def without_windows(tours: TourProblem) -> TourProblem:
 
 
 def remaining_demands(demands: TourDemands, over: int, past: Collection[str]) -> TourDemands:
-    """What is left of demands when so much time is over. Nothing is asked any more of the begin and the order of `past` visits."""
+    """What is left of demands when so much time is over.
+
+    Nothing is asked any more of the begin and the order of `past` visits.
+    """
     windows = {
         name: (max(0, first - over), None if last is None else last - over)
         for name, (first, last) in demands.windows.items()

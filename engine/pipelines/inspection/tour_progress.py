@@ -8,10 +8,21 @@ from typing import TypeVar
 
 from cellwright.engine.kernels.arrays import Longs
 from cellwright.engine.model.part_measurements import measurements_of
-from cellwright.engine.model.tour_problem import Tour, TourProblem, Visit, cost_of, times_of, tour_violations
+from cellwright.engine.model.tour_problem import (
+    Tour,
+    TourProblem,
+    Visit,
+    cost_of,
+    times_of,
+    tour_violations,
+)
 from cellwright.engine.pipelines.inspection.arm_capabilities import partition_after_loss
 from cellwright.engine.pipelines.inspection.measurement_points import given_positions_m
-from cellwright.engine.pipelines.inspection.tool_tours import ToolPartition, stations_of, tour_problem
+from cellwright.engine.pipelines.inspection.tool_tours import (
+    ToolPartition,
+    stations_of,
+    tour_problem,
+)
 from cellwright.engine.pipelines.inspection.tour_demands import (
     TourDemands,
     of_facts,
@@ -32,9 +43,11 @@ RestVisits = tuple[PlannedVisit, ...]
 def tour_of_rest(
     plan: SequencePlan, rest: RestVisits, phases: Mapping[str, int], inspection: Problem
 ) -> tuple[TourProblem, int]:
-    """The tour problem of the rest, and 1 if it starts with the last visit done, else 0. Raises `InvalidInput`.
+    """The tour problem of the rest, and 1 if it starts with the last visit done, else 0. Raises
+    `InvalidInput`.
 
-    Windows count from the start of the whole tour. What is done counts as having begun when the tour says.
+    Windows count from the start of the whole tour. What is done counts as having begun when the
+    tour says.
     """
     before = plan.done[-1:]
     first = min(phases.values(), default=0)
@@ -73,7 +86,9 @@ def _rest_tour(
 
 
 def _last_begin(plan: SequencePlan, inspection: Problem, demands: TourDemands) -> int:
-    """When the last visit done has begun, as the tour through all that is done has it, after the start of that tour."""
+    """When the last visit done has begun, as the tour through all that is done has it, after
+    the start of that tour.
+    """
     visits = tuple(Visit(visit.name, visit.position or None, visit.tool) for visit in plan.done)
     tour = with_demands(_rest_tour(plan, visits, inspection, demands), replace(demands, before=()))
     return times_of(tour, tuple(range(len(visits))))[-1][1]
@@ -88,7 +103,9 @@ ProgressType = TypeVar("ProgressType", bound="KeptSequenceProgress")
 
 @dataclass(frozen=True, slots=True)
 class SequenceNews:
-    """What has happened: visits done; tools and resources lost; visits found bad, with the reason; and names restored."""
+    """What has happened: visits done; tools and resources lost; visits found bad, with the
+    reason; and names restored.
+    """
 
     done: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
@@ -100,10 +117,12 @@ class SequenceNews:
 class KeptSequenceProgress:
     """How a sequence goes on. `way`: `made`, `kept` (as it was) or `resequenced`.
 
-    `problem` and `tour` are those of the rest, and begin at the last visit done if there is one. The visits of the old
-    rest fall into four groups: `kept` are in the old order relative to each other, `reordered` are not, `moved` have
-    another tool (old, new), and `dropped` are left out, with the reason. `added` are new visits. `outdated` are visits
-    done whose position in the problem has changed or that the problem no longer has. `unkept` says why no order keeps all windows.
+    `problem` and `tour` are those of the rest, and begin at the last visit done if there is one.
+    The visits of the old rest fall into four groups: `kept` are in the old order relative to each
+    other, `reordered` are not, `moved` have another tool (old, new), and `dropped` are left out,
+    with the reason. `added` are new visits. `outdated` are visits done whose position in the
+    problem has changed or that the problem no longer has. `unkept` says why no order keeps all
+    windows.
     """
 
     plan: SequencePlan
@@ -126,7 +145,9 @@ class KeptSequenceProgress:
 
 @dataclass(frozen=True, slots=True)
 class RemainingSequence:
-    """What is left after some news: the sequence, whose rest is the old one, the visits that are wanted now, and all that can be made."""
+    """What is left after some news: the sequence, whose rest is the old one, the visits that
+    are wanted now, and all that can be made.
+    """
 
     plan: SequencePlan
     wanted: Visits
@@ -140,7 +161,10 @@ def carry_on_sequence(
     news: SequenceNews = SequenceNews(),
     limits: TourLimits = TourLimits(),
 ) -> KeptSequenceProgress:
-    """The sequence after some news, compared with the problem as it is now. Raises `InvalidInput`."""
+    """The sequence after some news, compared with the problem as it is now.
+
+    Raises `InvalidInput`.
+    """
     if is_unkept(plan) and news != SequenceNews():
         plan = carry_on_sequence(plan, problem, limits=limits).plan
     remaining = left_of(plan, problem, news)
@@ -152,17 +176,23 @@ def carry_on_sequence(
 def left_of(
     plan: SequencePlan, problem: Problem, news: SequenceNews, part: Parting = partition_after_loss
 ) -> RemainingSequence:
-    """What is left of a sequence after some news; `part` says what is possible when names are lost. Raises `InvalidInput`."""
+    """What is left of a sequence after some news; `part` says what is possible when names are
+    lost. Raises `InvalidInput`.
+    """
     _require_known(problem, plan, news)
     lost = tuple(sorted({*plan.lost, *news.lost} - set(news.restored)))
     bad = {name: why for name, why in {**plan.bad, **news.bad}.items() if name not in news.restored}
     parts = part(problem, lost)
     asked = tour_problem(problem, parts, timed=False)
-    visits = tuple(PlannedVisit(visit.name, visit.tool, visit.position or ()) for visit in asked.visits)
+    visits = tuple(
+        PlannedVisit(visit.name, visit.tool, visit.position or ()) for visit in asked.visits
+    )
     done = _visits_done(plan, visits, parts, news)
     names = {visit.name for visit in done}
     _not_done(names, news)
-    wanted_visits = tuple(visit for visit in visits if visit.name not in names and visit.name not in bad)
+    wanted_visits = tuple(
+        visit for visit in visits if visit.name not in names and visit.name not in bad
+    )
     changes = tuple(sorted((a, b, cost) for (a, b), cost in asked.changes.items()))
     out = {name: why for name, why in parts.impossible.items() if name not in names}
     now = replace(plan, done=done, lost=lost, bad=bad, impossible=out, changes=changes)
@@ -194,8 +224,12 @@ def _require_known(problem: Problem, plan: SequencePlan, news: SequenceNews) -> 
 
 
 def losable_resources(problem: Problem) -> set[str]:
-    """The names that can be lost: objects other than measurements, and the resources of operators."""
-    named = {str(resource) for operator in problem.domain.operators for resource in operator.resources}
+    """The names that can be lost: objects other than measurements, and the resources of
+    operators.
+    """
+    named = {
+        str(resource) for operator in problem.domain.operators for resource in operator.resources
+    }
     return {*problem.domain.objects, *problem.objects, *named}.difference(measurements_of(problem))
 
 
@@ -203,8 +237,11 @@ def _option_kind(option: str) -> str:
     return "visit" if option in ("done", "bad") else "resource"
 
 
-def _visits_done(plan: SequencePlan, visits: Visits, parts: ToolPartition, news: SequenceNews) -> Visits:
-    """The visits done: those of the kept sequence, then those that the problem says are done, then those in the news.
+def _visits_done(
+    plan: SequencePlan, visits: Visits, parts: ToolPartition, news: SequenceNews
+) -> Visits:
+    """The visits done: those of the kept sequence, then those that the problem says are done, then
+    those in the news.
 
     Raises `InvalidInput` for a visit that is left out of the sequence.
     """
@@ -218,7 +255,9 @@ def _visits_done(plan: SequencePlan, visits: Visits, parts: ToolPartition, news:
     ]
     out = {**parts.impossible, **plan.bad}
     wrong = [
-        Diagnostic(Source("--done"), "K411", f"'{name}' is left out: {out.get(name, REASON_REMOVED)}", "")
+        Diagnostic(
+            Source("--done"), "K411", f"'{name}' is left out: {out.get(name, REASON_REMOVED)}", ""
+        )
         for name in new
         if name not in recorded or name in plan.bad
     ]
@@ -265,14 +304,21 @@ def _sequence_rest(
     if problem.timed and not isinstance(tour_found, Tour):
         unkept, problem = tour_found.reason, without_windows(problem)
         tour_found = sequence_tour(problem, limits)
-    tour = _steadier_tour(problem, _insert_visits(problem, wanted_visits, old.rest, first), tour_found)
+    tour = _steadier_tour(
+        problem, _insert_visits(problem, wanted_visits, old.rest, first), tour_found
+    )
     rest = tuple(wanted_visits[number_in_tour - first] for number_in_tour in tour.order[first:])
     manner = "made" if is_unkept(old) else "kept" if unkept and rest == standing else "resequenced"
     return KeptSequenceProgress(replace(now, rest=rest), manner, problem, tour, unkept=unkept)
 
 
-def _insert_visits(problem: TourProblem, wanted_visits: Visits, old: Visits, first: int) -> tuple[int, ...]:
-    """The wanted visits in their old order. Each visit that is not in the old order is inserted where that costs least."""
+def _insert_visits(
+    problem: TourProblem, wanted_visits: Visits, old: Visits, first: int
+) -> tuple[int, ...]:
+    """The wanted visits in their old order.
+
+    Each visit that is not in the old order is inserted where that costs least.
+    """
     number = {wanted_visit: index + first for index, wanted_visit in enumerate(wanted_visits)}
     order = [*range(first), *(number[old_visit] for old_visit in old if old_visit in number)]
     arcs = problem.arcs
@@ -282,7 +328,9 @@ def _insert_visits(problem: TourProblem, wanted_visits: Visits, old: Visits, fir
 
 
 def _cheapest_position(arcs: Longs, order: Sequence[int], visit: int, first: int) -> int:
-    """The position where one more visit costs least in an open tour whose first `first` visits are fixed."""
+    """The position where one more visit costs least in an open tour whose first `first` visits
+    are fixed.
+    """
     if not order:
         return 0
     ways = [int(arcs[a, visit] + arcs[visit, b] - arcs[a, b]) for a, b in pairwise(order)]
@@ -293,7 +341,9 @@ def _cheapest_position(arcs: Longs, order: Sequence[int], visit: int, first: int
 
 
 def _steadier_tour(problem: TourProblem, order: tuple[int, ...], answer: object) -> Tour:
-    """The tour that was found if it is cheaper than `order`, else `order`: with equal costs nothing changes."""
+    """The tour that was found if it is cheaper than `order`, else `order`: with equal costs
+    nothing changes.
+    """
     cost = cost_of(problem, order) if order else 0
     if not isinstance(answer, Tour):
         return Tour(order, cost, 0)
@@ -327,7 +377,9 @@ def compare_progress(old: SequencePlan, progress: ProgressType, problem: Problem
         moved=moved,
         added=tuple(visit.name for visit in now.rest if visit.name not in tools),
         dropped={
-            name: out.get(name, REASON_REMOVED) for name in tools if name not in rest and name not in done
+            name: out.get(name, REASON_REMOVED)
+            for name in tools
+            if name not in rest and name not in done
         },
         outdated=_outdated_visits(now, problem),
     )

@@ -1,7 +1,7 @@
 """Costs of travel between measurements: straight lines, or times by the domain's travel.
 
-Straight ways are put in order by their lengths in micrometres, which are finer than whole units of time. A table is put in
-order by its times.
+Straight ways are put in order by their lengths in micrometres, which are finer than whole units of
+time. A table is put in order by its times.
 """
 
 import math
@@ -24,7 +24,9 @@ Changes = Mapping[tuple[str, str], int]
 
 
 def has_table(problem: Problem, facts: Facts) -> bool:
-    """Whether travel times are put in order: facts give some, or durations ask for them and nothing else gives any."""
+    """Whether travel times are put in order: facts give some, or durations ask for them and
+    nothing else gives any.
+    """
     domain, travel = problem.domain, problem.domain.conventions.travel
     declared = domain.predicates.get(travel)
     if declared is None or declared.kind is not Kind.STATIC or len(declared.arguments) != 3:
@@ -44,23 +46,36 @@ def open_tour(
 ) -> TourProblem:
     """An open tour of measurements; `facts` gives the static facts. Raises `InvalidInput`.
 
-    Straight ways and changes of tools are in micrometres, unless they must be `in_time`. Those of a table, and ways in
-    time, are in the domain's unit of time.
+    Straight ways and changes of tools are in micrometres, unless they must be `in_time`. Those of a
+    table, and ways in time, are in the domain's unit of time.
     """
     if not has_table(problem, facts):
         if not in_time:
             return straight_tour(name, visits, changes, start)
         changes = _in_time(problem, changes)
-    amounts, places = amounts_of(problem, facts), _visited_places(problem, [visit.name for visit in visits])
-    times = np.array([[_travel_time(problem, amounts, a, b) for b in places] for a in places], np.int64)
+    amounts, places = (
+        amounts_of(problem, facts),
+        _visited_places(problem, [visit.name for visit in visits]),
+    )
+    times = np.array(
+        [[_travel_time(problem, amounts, a, b) for b in places] for a in places], np.int64
+    )
     ways = times.reshape(len(visits), len(visits))
     return TourProblem(
-        name, visits, ways, closed=False, start=start, changes=changes, unit=problem.domain.time_unit
+        name,
+        visits,
+        ways,
+        closed=False,
+        start=start,
+        changes=changes,
+        unit=problem.domain.time_unit,
     )
 
 
 def _in_time(problem: Problem, changes: Changes) -> Changes:
-    """How long changes of tools take, if their ways are driven at the speed of the declared travel."""
+    """How long changes of tools take, if their ways are driven at the speed of the declared
+    travel.
+    """
     motion = problem.domain.motion
     if motion is None:
         message = "windows and durations need travel times, and the domain declares none"
@@ -72,14 +87,22 @@ def _in_time(problem: Problem, changes: Changes) -> Changes:
 def straight_tour(
     name: str, visits: tuple[Visit, ...], changes: Changes, start: int | None = None
 ) -> TourProblem:
-    """An open tour of visits with known positions in metres. Travel costs are straight distances in micrometres."""
-    lines = Metric("micrometres", np.array([visit.position for visit in visits], float).reshape(-1, 3))
+    """An open tour of visits with known positions in metres.
+
+    Travel costs are straight distances in micrometres.
+    """
+    lines = Metric(
+        "micrometres", np.array([visit.position for visit in visits], float).reshape(-1, 3)
+    )
     ways = lines if len(visits) > MAX_DENSE_VISITS else lines.matrix()
-    return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit=STRAIGHT_UNIT)
+    return TourProblem(
+        name, visits, ways, closed=False, start=start, changes=changes, unit=STRAIGHT_UNIT
+    )
 
 
 def time_between(problem: Problem, tour: TourProblem, order: Sequence[int]) -> int | None:
-    """The declared travel time of all ways of an order between measurements by the same tool; None if there is none.
+    """The declared travel time of all ways of an order between measurements by the same tool; None
+    if there is none.
 
     It is in the domain's unit of time. Raises `InvalidInput` if a time cannot be told.
     """

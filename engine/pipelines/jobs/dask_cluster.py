@@ -1,7 +1,8 @@
 """Workers of a Dask cluster that carry units out. Only this module imports Dask.
 
-A worker hears that a unit is not wanted any more from the scheduler, which knows it from Ctrl-C here or from the end of this
-process. What a worker has finished it has noted in the ledger, so nothing is lost with the scheduler or with this process.
+A worker hears that a unit is not wanted any more from the scheduler, which knows it from Ctrl-C
+here or from the end of this process. What a worker has finished it has noted in the ledger, so
+nothing is lost with the scheduler or with this process.
 """
 
 import contextlib
@@ -37,7 +38,10 @@ _START_HINT = "start one with `dask scheduler` and `dask worker ADDRESS`"
 
 @contextlib.contextmanager
 def connect_workers(address: str) -> "Iterator[ClusterWorkers]":
-    """The workers of the cluster at an address. Raises `InvalidInput` if there is none that can be used."""
+    """The workers of the cluster at an address.
+
+    Raises `InvalidInput` if there is none that can be used.
+    """
     import distributed
 
     where = _scheduler_address(address)
@@ -81,7 +85,8 @@ def _scheduler_address(said: str) -> str:
 
 
 def require_open(address: str) -> None:
-    """Look at once whether anybody listens at an address: Dask itself would try again for as long as it may.
+    """Look at once whether anybody listens at an address: Dask itself would try again for as long
+    as it may.
 
     Raises `InvalidInput` if nobody does, or if Dask is not installed.
     """
@@ -110,7 +115,10 @@ def _require_greeting(address: str, line: socket.socket) -> None:
 
 
 def _require_workers(client: "distributed.Client", address: str) -> None:
-    """Look whether there are workers, and whether all have this Cellwright, the scheduler as well. Raises `InvalidInput`."""
+    """Look whether there are workers, and whether all have this Cellwright, the scheduler as well.
+
+    Raises `InvalidInput`.
+    """
     try:
         client.wait_for_workers(1, timeout=STAFFED_S)
     except (OSError, TimeoutError) as error:
@@ -188,14 +196,19 @@ class ClusterWorkers:
     def gone(self) -> str:
         """Why nothing more can be carried out; empty as long as it can."""
         if self._lost or self._client.status not in ("running", "newly-created"):
-            return f"the cluster at {self._address} is gone; start again: what is finished is not done again"
+            return (
+                f"the cluster at {self._address} is gone; start again: what is finished is not "
+                "done again"
+            )
         return ""
 
     def stop(self, running: Sequence[Future[Any]]) -> None:
         """Take the units back. Workers hear it while they work."""
         if not self._lost:
             with contextlib.suppress(Exception):
-                self._client.cancel([self._given[future] for future in running if future in self._given])
+                self._client.cancel(
+                    [self._given[future] for future in running if future in self._given]
+                )
 
 
 def _carry_out_one(kind: WorkKind[Any, Any], unit: WorkUnit[Any]) -> Any:
@@ -209,7 +222,9 @@ def _carry_out_one(kind: WorkKind[Any, Any], unit: WorkUnit[Any]) -> Any:
 
 
 class _UnitWanted:
-    """Whether the unit that this thread of a worker carries out is wanted: looked at now and then from another thread."""
+    """Whether the unit that this thread of a worker carries out is wanted: looked at now and
+    then from another thread.
+    """
 
     def __init__(self) -> None:
         from distributed.worker import get_worker, thread_state

@@ -13,9 +13,11 @@ R = TypeVar("R")
 
 
 def crew_of(processes: int, cluster: str = "", modules: Sequence[str] = ()) -> WorkCrew:
-    """The workers of a cluster if there is the address of one, else so many processes of this machine.
+    """The workers of a cluster if there is the address of one, else so many processes of this
+    machine.
 
-    These begin at once to load `modules`, which units need. Raises `InvalidInput` if nobody answers at the address.
+    These begin at once to load `modules`, which units need. Raises `InvalidInput` if nobody answers
+    at the address.
     """
     if cluster:
         from cellwright.engine.pipelines.jobs.dask_cluster import require_open
@@ -66,7 +68,10 @@ class ProcessCrew:
 
 @dataclass(frozen=True, slots=True)
 class ClusterCrew:
-    """The workers of a Dask cluster whose scheduler has this address. They see the same files and reach the same store."""
+    """The workers of a Dask cluster whose scheduler has this address.
+
+    They see the same files and reach the same store.
+    """
 
     address: str
 

@@ -1,6 +1,7 @@
 """Preload of the server that forks the pool's processes, so that it ends with the command.
 
-The server would notice the end of the command only when everything is loaded. Elsewhere, loading this module does nothing.
+The server would notice the end of the command only when everything is loaded. Elsewhere, loading
+this module does nothing.
 """
 
 import contextlib

@@ -16,7 +16,9 @@ MOST_FILES, MOST_BYTES = 5_000, 2**26  # beyond that a file counts by its name, 
 
 
 def content_digest(target: Path, *more: object) -> str:
-    """A digest of a problem or a domain: its file, the files of its domain's folder, the program, and what `more` tells."""
+    """A digest of a problem or a domain: its file, the files of its domain's folder, the
+    program, and what `more` tells.
+    """
     digest = hashlib.sha256(repr((program_digest(), more)).encode())
     _digest_file(digest, target)
     with_domain = _domain_folder(target)
@@ -27,7 +29,9 @@ def content_digest(target: Path, *more: object) -> str:
 
 @cache
 def program_digest() -> str:
-    """A digest of the modules of this program, compiled ones aside: the same in all processes that compute the same."""
+    """A digest of the modules of this program, compiled ones aside: the same in all processes
+    that compute the same.
+    """
     root = Path(__file__).parents[3]
     digest = hashlib.sha256()
     for folder in ("kb", "engine"):
@@ -49,7 +53,10 @@ def _domain_folder(target: Path) -> Path | None:
 def require_same(target: Path, own: str) -> None:
     """See whether a worker has the files that the command had. Raises `InvalidInput`."""
     if content_digest(target) != own:
-        reason = f"{platform.node()} has other files here than the command had, or they were edited since"
+        reason = (
+            f"{platform.node()} has other files here than the command had, or they were edited "
+            "since"
+        )
         hint = "share the folder with all workers, or start again"
         raise InvalidInput([Diagnostic(Source(str(target)), "K430", reason, hint)])
 
@@ -65,7 +72,9 @@ def _folder_digest(folder: str) -> str:
 
 
 def _file_stamps(folder: str) -> Iterator[tuple[str, int, int]]:
-    """Names, sizes and times of the files of a folder: as long as they are the same, their content is not read again."""
+    """Names, sizes and times of the files of a folder: as long as they are the same, their
+    content is not read again.
+    """
     for file in _content_files(Path(folder)):
         with contextlib.suppress(OSError):
             status = file.stat()
@@ -85,7 +94,9 @@ def _content_files(folder: Path) -> Iterator[Path]:
     count = 0
     for path, folders, files in os.walk(folder):
         folders[:] = sorted(
-            folder for folder in folders if folder not in UNREAD_FOLDERS and not folder.startswith((".", "_"))
+            folder
+            for folder in folders
+            if folder not in UNREAD_FOLDERS and not folder.startswith((".", "_"))
         )
         for name in sorted(file for file in files if not file.startswith(".")):
             count += 1
@@ -99,6 +110,8 @@ def _digest_file(digest: "hashlib._Hash", file: Path) -> None:
     try:
         status = file.stat()
         whole = stat.S_ISREG(status.st_mode) and status.st_size <= MOST_BYTES
-        digest.update(file.read_bytes() if whole else repr((status.st_size, status.st_mtime_ns)).encode())
+        digest.update(
+            file.read_bytes() if whole else repr((status.st_size, status.st_mtime_ns)).encode()
+        )
     except OSError as error:
         digest.update(repr(error.errno).encode())

@@ -6,7 +6,8 @@ import threading
 
 
 def end_with_parent() -> None:
-    """End this process as soon as its parent is gone, killed perhaps: the queue of a pool would keep it waiting for ever.
+    """End this process as soon as its parent is gone, killed perhaps: the queue of a pool would
+    keep it waiting for ever.
 
     It is the initializer of a pool's processes, or a part of it.
     """

@@ -41,14 +41,18 @@ def limited_memory(megabytes: int) -> None:
 
 ENDING_GRACE_S = 0.5  # seconds that processes may take to end their searches
 SAFE_PATH = "PYTHONSAFEPATH"  # Python's own variable
-FORKSERVER_MODULE = "cellwright.engine.pipelines.jobs.forkserver_preload"  # what the process loads first that forks the others
+# what the process loads first that forks the others
+FORKSERVER_MODULE = "cellwright.engine.pipelines.jobs.forkserver_preload"
 FORKSERVER_CONTEXT = multiprocessing.get_context("forkserver")
 
 
 def begin_loading(modules: Sequence[str]) -> None:
-    """Begin to load modules that units need, while this process goes on; all processes of later pools have them at once."""
+    """Begin to load modules that units need, while this process goes on; all processes of later
+    pools have them at once.
+    """
     forkserver.set_forkserver_preload([FORKSERVER_MODULE, *modules])
-    resource_tracker.ensure_running()  # its start would end the deafness of what is started after it
+    # its start would end the deafness of what is started after it
+    resource_tracker.ensure_running()
     with _ignoring_interrupts(), _without_own_folder():
         forkserver.ensure_running()
 
@@ -66,7 +70,9 @@ def open_pool(processes: int) -> "Iterator[ProcessPool]":
 
 
 class ProcessPool:
-    """Processes, forked from a server without threads, so that none inherits a connection or a lock. See `Hands`."""
+    """Processes, forked from a server without threads, so that none inherits a connection or a
+    lock. See `Hands`.
+    """
 
     deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)
     patience = 3
@@ -79,7 +85,10 @@ class ProcessPool:
 
     def _made(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(
-            self._processes, FORKSERVER_CONTEXT, _begin_worker, (self._stop, memory_share(self._processes))
+            self._processes,
+            FORKSERVER_CONTEXT,
+            _begin_worker,
+            (self._stop, memory_share(self._processes)),
         )
 
     @property
@@ -121,14 +130,16 @@ class ProcessPool:
 
 @contextlib.contextmanager
 def _ignoring_interrupts() -> Iterator[None]:
-    """Processes that are started inside this context ignore Ctrl-C, which a terminal sends to them, too.
+    """Processes that are started inside this context ignore Ctrl-C, which a terminal sends to them,
+    too.
 
     The parent process handles Ctrl-C and tells them to stop.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    # what comes meanwhile is heard afterwards; an alarm would reach processes that are half started, and they would complain
+    # what comes meanwhile is heard afterwards; an alarm would reach processes that are half
+    # started, and they would complain
     signals = {signal.SIGINT, signal.SIGALRM}
     signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     try:
@@ -139,7 +150,9 @@ def _ignoring_interrupts() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _without_own_folder() -> Iterator[None]:
-    """Python that is started inside this context does not look for modules in the present folder, which may have our names."""
+    """Python that is started inside this context does not look for modules in the present
+    folder, which may have our names.
+    """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"
     try:
@@ -153,8 +166,11 @@ _STOP_EVENTS: list[Event] = []  # in a process of the pool: the event that tells
 
 
 def _begin_worker(stop: Event, megabytes: int) -> None:
-    """In a process of the pool: stop its searches and its grounding when `stop` is set, and end with its parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server may have been started where Ctrl-C was heard
+    """In a process of the pool: stop its searches and its grounding when `stop` is set, and end
+    with its parent.
+    """
+    # the server may have been started where Ctrl-C was heard
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
     search_seldom()
     _STOP_EVENTS.append(stop)

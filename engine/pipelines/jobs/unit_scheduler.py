@@ -19,7 +19,8 @@ STOP_CHECK_S = 0.2  # seconds between two looks whether to stop
 class UnitWorkers(Protocol):
     """Processes that carry units out.
 
-    `deaths` are the errors of a unit whose process has died. `patience` is how often a unit may die when it is alone.
+    `deaths` are the errors of a unit whose process has died. `patience` is how often a unit may die
+    when it is alone.
     """
 
     deaths: tuple[type[BaseException], ...]
@@ -50,11 +51,13 @@ class UnitWorkers(Protocol):
 class UnitScheduler(Generic[J, R]):
     """Units on their way.
 
-    When a process dies, nobody knows which of the units under way has killed it. All of them are tried again, one at a time, and one
-    that kills its process alone `patience` times is given up.
+    When a process dies, nobody knows which of the units under way has killed it. All of them are
+    tried again, one at a time, and one that kills its process alone `patience` times is given up.
     """
 
-    def __init__(self, kind: WorkKind[J, R], units: Sequence[WorkUnit[J]], hands: UnitWorkers) -> None:
+    def __init__(
+        self, kind: WorkKind[J, R], units: Sequence[WorkUnit[J]], hands: UnitWorkers
+    ) -> None:
         self._kind, self._hands = kind, hands
         self._todo = deque(units)
         self._suspects: deque[WorkUnit[J]] = deque()
@@ -63,7 +66,9 @@ class UnitScheduler(Generic[J, R]):
 
     def results(self, interrupted: Interrupted) -> Generator[tuple[WorkUnit[J], R], None, None]:
         """The units with their results, as they are finished."""
-        while (self._todo or self._suspects or self._running) and not (interrupted() or self._hands.gone()):
+        while (self._todo or self._suspects or self._running) and not (
+            interrupted() or self._hands.gone()
+        ):
             self._fill()
             done, _ = wait(self._running, timeout=STOP_CHECK_S, return_when=FIRST_COMPLETED)
             for future in done:
@@ -104,7 +109,9 @@ class UnitScheduler(Generic[J, R]):
             if self._deaths[unit.name] >= self._hands.patience:
                 yield (
                     unit,
-                    self._kind.lost(unit.job, "its process died again and again: out of memory perhaps"),
+                    self._kind.lost(
+                        unit.job, "its process died again and again: out of memory perhaps"
+                    ),
                 )
             else:
                 self._suspects.append(unit)

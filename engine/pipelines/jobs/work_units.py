@@ -20,7 +20,9 @@ def show_nothing(_done: int, _of: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class WorkUnit(Generic[J]):
-    """A piece of work. `name` says which among its kind, `key` is a digest of all that its result depends on."""
+    """A piece of work. `name` says which among its kind, `key` is a digest of all that its
+    result depends on.
+    """
 
     name: str
     key: str
@@ -31,8 +33,8 @@ class WorkUnit(Generic[J]):
 class ResultLedger:
     """Where the results of finished units of a kind are noted: in a store, as JSON.
 
-    `finished` says whether a unit with this result need not be done again. `written` gives what is noted of a result, None
-    for nothing; `read` is its inverse.
+    `finished` says whether a unit with this result need not be done again. `written` gives what is
+    noted of a result, None for nothing; `read` is its inverse.
     """
 
     store: str
@@ -43,9 +45,11 @@ class ResultLedger:
 
 @dataclass(frozen=True, slots=True)
 class DraftedResult(Generic[R]):
-    """A result, and the changes of the store that go with it. They are written when the result is noted, in the same transaction.
+    """A result, and the changes of the store that go with it. They are written when the result is
+    noted, in the same transaction.
 
-    `settled` is the result with the numbers that the changes got, or without them if they were not written.
+    `settled` is the result with the numbers that the changes got, or without them if they were not
+    written.
     """
 
     draft: "LibraryDraft"
@@ -54,9 +58,11 @@ class DraftedResult(Generic[R]):
 
 @dataclass(frozen=True, slots=True)
 class WorkKind(Generic[J, R]):
-    """A kind of work. Its functions are those of a module, so that they can be named to another process.
+    """A kind of work. Its functions are those of a module, so that they can be named to another
+    process.
 
-    `work` carries out one job; what it changes in the store of the ledger it leaves in a draft. `lost` is the result of a job that could not be carried out, with the reason.
+    `work` carries out one job; what it changes in the store of the ledger it leaves in a draft.
+    `lost` is the result of a job that could not be carried out, with the reason.
     """
 
     name: str
@@ -73,7 +79,8 @@ class WorkCrew(Protocol):
     ) -> Generator[tuple[WorkUnit[J], R], None, None]:
         """The units with their results, in the order in which they are finished.
 
-        Ends soon after `interrupted` holds; then every unit that is not finished has the result `lost`.
+        Ends soon after `interrupted` holds; then every unit that is not finished has the result
+        `lost`.
         """
         ...
 
@@ -81,9 +88,11 @@ class WorkCrew(Protocol):
 def carried_out(
     kind: WorkKind[J, R], units: Sequence[WorkUnit[J]], crew: WorkCrew, interrupted: Interrupted
 ) -> Generator[tuple[WorkUnit[J], R], None, None]:
-    """All units with their results; first those that the ledger holds, then the others as they are finished.
+    """All units with their results; first those that the ledger holds, then the others as they are
+    finished.
 
-    When the last one is finished, the ledger forgets them. Raises `InvalidInput` if the ledger cannot be used.
+    When the last one is finished, the ledger forgets them. Raises `InvalidInput` if the ledger
+    cannot be used.
     """
     noted = _noted_results(kind, units)
     open_units = [unit for unit in units if unit.name not in noted]
@@ -101,8 +110,8 @@ def carried_out(
 def carry_out_unit(kind: WorkKind[J, R], unit: WorkUnit[J], interrupted: Interrupted) -> R:
     """Carry out one unit, unless somebody has done so in the meantime, and note its result.
 
-    The note and all that the unit changes in the store are written together: whenever this process is killed, both are there
-    or neither.
+    The note and all that the unit changes in the store are written together: whenever this process
+    is killed, both are there or neither.
     """
     noted = _noted_results(kind, [unit])
     if noted:
@@ -119,7 +128,10 @@ def carry_out_unit(kind: WorkKind[J, R], unit: WorkUnit[J], interrupted: Interru
         if not isinstance(made_result, DraftedResult):
             store.keep(unit.name, unit.key, content)
         elif store.settle(
-            unit.name, unit.key, made_result.draft, lambda: ledger.written(made_result.settled()) or content
+            unit.name,
+            unit.key,
+            made_result.draft,
+            lambda: ledger.written(made_result.settled()) or content,
         ):
             return made_result.settled()
     return _noted_results(kind, [unit]).get(unit.name, result)

@@ -1,8 +1,8 @@
 """Monitoring of an arm that an operator moves: warns when the goal becomes hard or impossible.
 
-The operator's acts are joint targets, with jaws that close or open. What else changes the world is told as a body that was
-shifted. After each act it is asked whether the part can still be brought to its goal: with the grasp that holds it, with
-regrasps, or not at all.
+The operator's acts are joint targets, with jaws that close or open. What else changes the world is
+told as a body that was shifted. After each act it is asked whether the part can still be brought to
+its goal: with the grasp that holds it, with regrasps, or not at all.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -87,7 +87,9 @@ class GoalForecast:
 
 @dataclass(frozen=True, eq=False)
 class WatchedWorld:
-    """The world as far as it was followed: where the part is, or how it is held (T_part_hand), and what was shifted."""
+    """The world as far as it was followed: where the part is, or how it is held (T_part_hand),
+    and what was shifted.
+    """
 
     site: AssemblySite
     part: str
@@ -139,7 +141,11 @@ class WatchedWorld:
                 GoalOutlook.IMPOSSIBLE,
                 f"no grasp of {self.part} can be let go at its goal any more: it is closed",
             )
-        return self._free(task, goal) if self.T_part_hand is None else self._held(task, self.T_part_hand)
+        return (
+            self._free(task, goal)
+            if self.T_part_hand is None
+            else self._held(task, self.T_part_hand)
+        )
 
     def _free(self, task: PlaceTask, goal: Truths) -> GoalForecast:
         """The outlook with the part lying somewhere."""
@@ -155,11 +161,15 @@ class WatchedWorld:
         )
 
     def _held(self, task: PlaceTask, T_part_hand: Floats) -> GoalForecast:
-        """The outlook with the part in the hand: the hold that it has becomes the first of its holds."""
+        """The outlook with the part in the hand: the hold that it has becomes the first of its
+        holds.
+        """
         nearest = self._grasped(self.T_world_part, self.T_world_part @ T_part_hand)
         like = task.holds.grasps[task.holds.grasp_of[nearest or 0]]
         mine = replace(like, T_part_hand=T_part_hand[None], free=np.ones(1, dtype=bool))
-        own = replace(task, holds=PartHolds(task.holds.solid, task.holds.jaws, (mine, *task.holds.grasps)))
+        own = replace(
+            task, holds=PartHolds(task.holds.solid, task.holds.jaws, (mine, *task.holds.grasps))
+        )
         goal = possible_holds(own, self.T_goal)
         if goal[0]:
             return GoalForecast(GoalOutlook.OPEN)
@@ -187,7 +197,10 @@ def _regrasp_forecast(task: PlaceTask, ends: tuple[Truths, Truths], why: str) ->
 def begin_watching(
     scene: Scene, part: str, base: str, seed: int = 0, image: Floats | None = None
 ) -> WatchedWorld | NotPlaced:
-    """The world before the first event: the part is found, and its goal known. Raises `InvalidInput` for unknown names."""
+    """The world before the first event: the part is found, and its goal known.
+
+    Raises `InvalidInput` for unknown names.
+    """
     world = GeometricWorld.of(scene.cell)
     goal = goal_of(scene, world, (part,), base)
     if isinstance(goal, RelationContradiction):
@@ -198,13 +211,17 @@ def begin_watching(
         return not_seen_answer(part, sighting)
     T_goal = world.pose("world", base) @ goal.poses[part]
     T_start = likeliest_pose(sighting, looked.T_world_camera, T_goal)
-    return WatchedWorld(AssemblySite.of(scene, world, looked, {part: T_start}), part, T_goal, T_start)
+    return WatchedWorld(
+        AssemblySite.of(scene, world, looked, {part: T_start}), part, T_goal, T_start
+    )
 
 
 def watch_events(
     state: WatchedWorld, events: Iterable[Event]
 ) -> Iterator[tuple[WatchedWorld, GoalForecast | None]]:
-    """The world after each event, and a warning where the outlook has become worse than it was, and is not open."""
+    """The world after each event, and a warning where the outlook has become worse than it was,
+    and is not open.
+    """
     before = state.forecast.outlook
     for event in events:
         state = state.after(event)

@@ -1,6 +1,7 @@
 """Execution of an assembly in MuJoCo: steps, exceptions, tests, repairs, and new plans.
 
-A step is planned on what is believed, and carried out in what is there. Tests and repairs really look, lift and close.
+A step is planned on what is believed, and carried out in what is there. Tests and repairs really
+look, lift and close.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,11 +35,19 @@ from cellwright.engine.pipelines.manipulation.assembly_order import (
 )
 from cellwright.engine.pipelines.manipulation.camera_cell import camera_answer
 from cellwright.engine.pipelines.manipulation.camera_optics import CameraErrors
-from cellwright.engine.pipelines.manipulation.carry_execution import CarryEnd, execute_carry, searched_on
+from cellwright.engine.pipelines.manipulation.carry_execution import (
+    CarryEnd,
+    execute_carry,
+    searched_on,
+)
 from cellwright.engine.pipelines.manipulation.mujoco_cameras import WorkshopCameras
 from cellwright.engine.pipelines.manipulation.mujoco_cell import MujocoCell, shifted_pose
 from cellwright.engine.pipelines.manipulation.place_answers import Carry, Placed
-from cellwright.engine.pipelines.manipulation.place_operation import STILL_M, STILL_RAD, likeliest_pose
+from cellwright.engine.pipelines.manipulation.place_operation import (
+    STILL_M,
+    STILL_RAD,
+    likeliest_pose,
+)
 from cellwright.engine.pipelines.manipulation.pose_uncertainty import brought_covariance, within_m
 from cellwright.engine.pipelines.manipulation.scene_camera import SceneView
 from cellwright.engine.pipelines.manipulation.workspace import AssemblySite
@@ -59,7 +68,10 @@ CLOSED_M = 0.003  # fingers that are nearer to each other hold nothing
 
 @dataclass
 class PlacingCell:
-    """The belief (`yard`, `spots`, `seen`), and the workshop where things are as they are. `model` is the domain's fault base."""
+    """The belief (`yard`, `spots`, `seen`), and the workshop where things are as they are.
+
+    `model` is the domain's fault base.
+    """
 
     yard: AssemblyYard
     shop: MujocoCell
@@ -144,7 +156,9 @@ class PlacingCell:
             "close_on_nothing": self._close,
             "find_and_plan_anew": self._find,
             "search_for_the_hole": self._search,
-            "correct_the_pose": lambda: self._found(self.eyes.look_near(self.yard, self.spots, self.about)),
+            "correct_the_pose": lambda: self._found(
+                self.eyes.look_near(self.yard, self.spots, self.about)
+            ),
         }
         if (reply := camera_answer(self.eyes.seeing, action)) or action in acts:
             return reply or acts[action]()
@@ -163,11 +177,15 @@ class PlacingCell:
     def _look_along(self) -> str:
         """Whether another part that has not been moved yet was pushed aside."""
         other_parts = [
-            name for name, spot in self.spots.items() if spot is PartSpot.FOUND and name != self.about
+            name
+            for name, spot in self.spots.items()
+            if spot is PartSpot.FOUND and name != self.about
         ]
         looked = self.eyes.look(self.yard, self.spots, *other_parts)
         seen = (name for name in other_parts if isinstance(looked.sightings[name], LocatedPart))
-        return "pushed_aside" if any(self._has_moved(looked, part) for part in seen) else "as_before"
+        return (
+            "pushed_aside" if any(self._has_moved(looked, part) for part in seen) else "as_before"
+        )
 
     def _look_near(self) -> str:
         looked = self.eyes.look_near(self.yard, self.spots, self.about)
@@ -196,7 +214,8 @@ class PlacingCell:
         assert isinstance(sighting, LocatedPart)
         before = self.yard.site.found[part]
         apart = [
-            difference(before, looked.T_world_camera @ T_camera_part) for T_camera_part in sighting.equivalent
+            difference(before, looked.T_world_camera @ T_camera_part)
+            for T_camera_part in sighting.equivalent
         ]
         return not any(metres < STILL_M and radians < STILL_RAD for metres, radians in apart)
 
@@ -216,28 +235,40 @@ class PlacingCell:
         return CURED
 
     def _find(self) -> str:
-        """Look for the part anew; where it is seen where it was believed, nothing has been put right."""
+        """Look for the part anew; where it is seen where it was believed, nothing has been put
+        right.
+        """
         looked = self.eyes.look(self.yard, self.spots, self.about)
-        if isinstance(looked.sightings[self.about], LocatedPart) and not self._has_moved(looked, self.about):
+        if isinstance(looked.sightings[self.about], LocatedPart) and not self._has_moved(
+            looked, self.about
+        ):
             return NOT_CURED
         return self._found(looked)
 
     def _see_all(self) -> str:
-        """An image is taken, and all parts that have not been moved yet are believed where it shows them."""
+        """An image is taken, and all parts that have not been moved yet are believed where it
+        shows them.
+        """
         parts = [name for name, spot in self.spots.items() if spot is PartSpot.FOUND]
         looked = self.eyes.look(self.yard, self.spots, *parts)
         self._believe(looked)
-        return f"map({self.eyes.seeing.looks}, {round(1000 * float((looked.image.depth > 0).mean()))})"
+        return (
+            f"map({self.eyes.seeing.looks}, {round(1000 * float((looked.image.depth > 0).mean()))})"
+        )
 
     def _believe(self, looked: SceneView) -> None:
         """Believe what was seen of parts; those that are not found are believed where they were."""
         old, poses, world = self.yard.site, dict(self.yard.site.found), self.yard.site.world
         for part, sighting in looked.sightings.items():
             if isinstance(sighting, LocatedPart):
-                T = poses[part] = likeliest_pose(sighting, looked.T_world_camera, self.yard.goals[part])
+                T = poses[part] = likeliest_pose(
+                    sighting, looked.T_world_camera, self.yard.goals[part]
+                )
                 world = world.put(part, "world", T)
                 self.seen[part] = sighting
-        site = AssemblySite(self.eyes.seeing.scene, world, self.eyes.wide(looked, old.looked), poses)
+        site = AssemblySite(
+            self.eyes.seeing.scene, world, self.eyes.wide(looked, old.looked), poses
+        )
         asides = {name: at for name, at in self.yard.asides.items() if name not in looked.sightings}
         self.yard = replace(self.yard, site=site, asides=asides)
         self.known.clear()
@@ -256,7 +287,9 @@ GONE_M = np.array([0.0, 0.0, -2.0])  # where a part goes that is taken away: bel
 
 @dataclass(frozen=True, slots=True)
 class PartShift:
-    """What somebody does to a part after it was seen: shifts it in the plane (m) and turns it, or takes it away."""
+    """What somebody does to a part after it was seen: shifts it in the plane (m) and turns it,
+    or takes it away.
+    """
 
     part: str
     along_m: tuple[float, float] = (0.0, 0.0)
@@ -268,9 +301,9 @@ class PartShift:
 class AssemblyRun:
     """How an assembly went.
 
-    `runs` are the parts of the run: each but the last was ended by geometry, for the reason in `refused`. `off` says how far
-    each part that was placed is from its goal in the end (m, rad), `touched` what touched that was not to, `seconds` how much
-    time has passed in physics.
+    `runs` are the parts of the run: each but the last was ended by geometry, for the reason in
+    `refused`. `off` says how far each part that was placed is from its goal in the end (m, rad),
+    `touched` what touched that was not to, `seconds` how much time has passed in physics.
     """
 
     runs: tuple[Finish, ...]
@@ -282,7 +315,9 @@ class AssemblyRun:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CarriedPart:
-    """How the carries of one part ended, how far (m, rad) it then is from its goal, what touched unplanned, and after how long."""
+    """How the carries of one part ended, how far (m, rad) it then is from its goal, what
+    touched unplanned, and after how long.
+    """
 
     went: CarryEnd
     off: tuple[float, float]
@@ -295,7 +330,9 @@ class CarriedPart:
         return "reached" if self.went is CarryEnd.DONE else "stopped"
 
 
-def execute_carries(scene: Scene, part: str, placed: Placed, shop: MujocoCell | None = None) -> CarriedPart:
+def execute_carries(
+    scene: Scene, part: str, placed: Placed, shop: MujocoCell | None = None
+) -> CarriedPart:
     """Carry out the carries of a part in physics, until something is not as planned."""
     shop = shop or MujocoCell(scene)
     for carry in placed.carries:
@@ -304,7 +341,10 @@ def execute_carries(scene: Scene, part: str, placed: Placed, shop: MujocoCell | 
             break
     shop.wait(PART_REST_S)
     return CarriedPart(
-        went, _pose_gap(shop.pose(part), placed.T_world_goal), shop.stage.touches.found, shop.seconds
+        went,
+        _pose_gap(shop.pose(part), placed.T_world_goal),
+        shop.stage.touches.found,
+        shop.seconds,
     )
 
 
@@ -327,10 +367,12 @@ def execute_assembly(
     watchers: Sequence[Watcher] = (),
     knock: CameraErrors = CameraErrors(),
 ) -> AssemblyRun:
-    """Carry out an assembly in physics, after somebody has shifted parts that were seen. `knock` is by what the camera of the scene errs.
+    """Carry out an assembly in physics, after somebody has shifted parts that were seen. `knock` is
+    by what the camera of the scene errs.
 
-    When a part lies elsewhere than it was seen, the executive plans anew without geometry. If geometry refutes a step of such a
-    plan, nothing is moved, and an order that is proved is made for what is left.
+    When a part lies elsewhere than it was seen, the executive plans anew without geometry. If
+    geometry refutes a step of such a plan, nothing is moved, and an order that is proved is made
+    for what is left.
     """
     scene = built.yard.site.scene
     shop = MujocoCell(scene, _shift_parts(MujocoCell(scene), shifts))
@@ -338,9 +380,16 @@ def execute_assembly(
     assert base is not None
     spots = dict.fromkeys(built.yard.goals, PartSpot.FOUND)
     cell = PlacingCell(
-        built.yard, shop, WorkshopCameras(shop, seed, knock), base, dict(built.looked.sightings), spots
+        built.yard,
+        shop,
+        WorkshopCameras(shop, seed, knock),
+        base,
+        dict(built.looked.sightings),
+        spots,
     )
-    order: OrderedMoves | NotBuilt = OrderedMoves(built.moves, built.obstacles, built.problem, built.plan)
+    order: OrderedMoves | NotBuilt = OrderedMoves(
+        built.moves, built.obstacles, built.problem, built.plan
+    )
     runs: list[Finish] = []
     refused: list[MoveObstacle] = []
     while isinstance(order, OrderedMoves) and len(runs) < MAX_ORDERS:
@@ -357,8 +406,12 @@ def execute_assembly(
     return AssemblyRun(tuple(runs), tuple(refused), off, shop.stage.touches.found, shop.seconds)
 
 
-def _run_order(name: str, order: OrderedMoves, cell: PlacingCell, watchers: Sequence[Watcher]) -> Finish:
-    """The executive carries out one plan, handles what goes wrong, and goes on to the end, or until geometry refutes a step."""
+def _run_order(
+    name: str, order: OrderedMoves, cell: PlacingCell, watchers: Sequence[Watcher]
+) -> Finish:
+    """The executive carries out one plan, handles what goes wrong, and goes on to the end, or
+    until geometry refutes a step.
+    """
     problem, driver = order.problem, Simulator(cell)
     ready_plan = compile_ready_plan(
         problem, order.plan, None, 0

@@ -1,7 +1,8 @@
 """Moves of the parts of an assembly: whether geometry allows one, and which parts forbid it.
 
-Parts are where they were found, on the free place, or at their goals. A move that fails is tried anew with other parts taken
-away in thought; what is left over is an obstacle: a least set of parts that forbids the move while they are where they are.
+Parts are where they were found, on the free place, or at their goals. A move that fails is tried
+anew with other parts taken away in thought; what is left over is an obstacle: a least set of parts
+that forbids the move while they are where they are.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -53,7 +54,9 @@ class PartMove:
 
 @dataclass(frozen=True, slots=True)
 class MoveObstacle:
-    """Why a move is impossible: while all of `during` are at their spots, and until one of `until` is at its goal."""
+    """Why a move is impossible: while all of `during` are at their spots, and until one of
+    `until` is at its goal.
+    """
 
     move: PartMove
     reason: str
@@ -81,11 +84,17 @@ class AssemblyYard:
                 (T for _, T in table_rests(task)),
                 key=lambda T: float(np.trace(T_found[:3, :3].T @ T[:3, :3])),
             )
-        poses = {PartSpot.FOUND: self.site.found, PartSpot.GOAL: self.goals, PartSpot.ASIDE: self.asides}
+        poses = {
+            PartSpot.FOUND: self.site.found,
+            PartSpot.GOAL: self.goals,
+            PartSpot.ASIDE: self.asides,
+        }
         return poses[spot][part]
 
     def moved(self, move: PartMove, spots: Spots, near: Floats) -> tuple[Carry, ...] | MoveObstacle:
-        """The carries of a move with the other parts at their spots, from a configuration (k,) on; else what forbids it."""
+        """The carries of a move with the other parts at their spots, from a configuration (k,)
+        on; else what forbids it.
+        """
         other_spots = {name: spot for name, spot in spots.items() if name != move.part}
         falls = self._tipped(move, other_spots) or self._falling(move, other_spots)
         if falls is not None:
@@ -102,12 +111,16 @@ class AssemblyYard:
             return not self._held(move, rest)
 
         culprits = least_failing_set(list(other_spots), fails)
-        return MoveObstacle(move, carries.reason, tuple((name, other_spots[name]) for name in culprits))
+        return MoveObstacle(
+            move, carries.reason, tuple((name, other_spots[name]) for name in culprits)
+        )
 
     def insertion(
         self, move: PartMove, spots: Spots, covariance: Floats, T_part_hand: Floats
     ) -> Insertion | None:
-        """How the part goes in where it is enclosed at the end of a move, its pose there doubted by (6, 6), held at T_part_hand."""
+        """How the part goes in where it is enclosed at the end of a move, its pose there
+        doubted by (6, 6), held at T_part_hand.
+        """
         other_spots = {name: spot for name, spot in spots.items() if name != move.part}
         return insertion_of(self._task(move, other_spots), covariance, T_part_hand)
 
@@ -117,10 +130,14 @@ class AssemblyYard:
         poses = {name: self.pose(name, spot) for name, spot in others.items()}
         return self.site.task(move.part, ends, poses, absent)
 
-    def _carried(self, move: PartMove, others: Spots, near: Floats) -> tuple[Carry, ...] | NotPlaced:
+    def _carried(
+        self, move: PartMove, others: Spots, near: Floats
+    ) -> tuple[Carry, ...] | NotPlaced:
         task = self._task(move, others)
         at = possible_holds(task, task.T_start), possible_holds(task, task.T_goal)
-        return (direct_carry if move.way is MoveKind.DIRECT else carry_with_regrasps)(task, at, near)
+        return (direct_carry if move.way is MoveKind.DIRECT else carry_with_regrasps)(
+            task, at, near
+        )
 
     def _held(self, move: PartMove, others: Spots) -> bool:
         """Whether there are holds for both ends, and one for both if there is to be one grasp."""
@@ -131,7 +148,9 @@ class AssemblyYard:
         if move.way is MoveKind.DIRECT:
             return bool((at[0] & at[1]).any())
         return bool(at[0].any() and at[1].any()) and not (
-            isinstance(regrasp := carry_with_regrasps(task, at, task.world.configuration), NotPlaced)
+            isinstance(
+                regrasp := carry_with_regrasps(task, at, task.world.configuration), NotPlaced
+            )
             and regrasp.step != "motion"
         )
 
@@ -144,8 +163,14 @@ class AssemblyYard:
         return None
 
     def _falling(self, move: PartMove, others: Spots) -> MoveObstacle | None:
-        """Why the part would fall at its goal; what does not stand even when all is in place is held by something else."""
-        missing = [name for name in self.goals if name != move.part and others.get(name) is not PartSpot.GOAL]
+        """Why the part would fall at its goal; what does not stand even when all is in place is
+        held by something else.
+        """
+        missing = [
+            name
+            for name in self.goals
+            if name != move.part and others.get(name) is not PartSpot.GOAL
+        ]
 
         def falls(away: Collection[str]) -> bool:
             at_goal = {name: PartSpot.GOAL for name in self.goals if name not in (*away, move.part)}
@@ -164,13 +189,17 @@ class AssemblyYard:
             for name in self.site.world.cell.bodies
             if name in solids and name not in self.goals
         ]
-        placed = [(solids[name], self.pose(name, at)) for name, at in others.items() if name != part]
+        placed = [
+            (solids[name], self.pose(name, at)) for name, at in others.items() if name != part
+        ]
         pose = self.pose(part, spot or others[part])
         return support_margin(solids[part], pose, [*fixed, *placed]) > MAX_TIP_M
 
 
 def least_failing_set(names: list[str], fails: Callable[[Collection[str]], bool]) -> list[str]:
-    """A least set of names for which something still fails; it fails for all of them (deletion, as in Chinneck 1991)."""
+    """A least set of names for which something still fails; it fails for all of them (deletion,
+    as in Chinneck 1991).
+    """
     names_left = sorted(names)
     for name in sorted(names):
         without = [other_name for other_name in names_left if other_name != name]

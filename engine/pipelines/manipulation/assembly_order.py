@@ -1,8 +1,9 @@
 """Order of an assembly: the task planner orders the moves, geometry proves or refutes each.
 
-The domain has the operators `place`, `place_by_regrasps` and `set_aside`. A plan is followed move by move. The first move that
-geometry refutes gives an obstacle; it is added to the problem as facts, and the next plan avoids it. Each obstacle excludes at
-least the plan that it comes from, and there are finitely many, so this ends.
+The domain has the operators `place`, `place_by_regrasps` and `set_aside`. A plan is followed move
+by move. The first move that geometry refutes gives an obstacle; it is added to the problem as
+facts, and the next plan avoids it. Each obstacle excludes at least the plan that it comes from, and
+there are finitely many, so this ends.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,7 +47,9 @@ Key: TypeAlias = tuple[object, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NotBuilt:
-    """Why there is no order: with these obstacles the task planner proves that there is no plan, or gives up."""
+    """Why there is no order: with these obstacles the task planner proves that there is no
+    plan, or gives up.
+    """
 
     why: NotPlaced
     obstacles: tuple[MoveObstacle, ...] = ()
@@ -54,7 +57,8 @@ class NotBuilt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrderedMoves:
-    """The moves of a plan in their order, each with its carries; what was learned, and the problem that knows it.
+    """The moves of a plan in their order, each with its carries; what was learned, and the problem
+    that knows it.
 
     The steps of the plan come in this order, too: only in it are they proved.
     """
@@ -68,7 +72,8 @@ class OrderedMoves:
 def order_moves(
     yard: AssemblyYard, domain: Domain, spots: Mapping[str, PartSpot], near: Floats
 ) -> OrderedMoves | NotBuilt:
-    """Plans from parts at spots, and the arm at (k,), each with what was learned from those before it, until one is proved.
+    """Plans from parts at spots, and the arm at (k,), each with what was learned from those before
+    it, until one is proved.
 
     A part without a spot is lost: nothing is asked of it, and nothing can wait for it.
     """
@@ -79,9 +84,12 @@ def order_moves(
         outcome, _task = plan_and_ground(problem)
         if not isinstance(outcome, Found):
             last = obstacles[-1].reason if obstacles else outcome.reason
-            hint = "look at the obstacles: relate the parts otherwise, or move what stands in the way"
+            hint = (
+                "look at the obstacles: relate the parts otherwise, or move what stands in the way"
+            )
             return NotBuilt(
-                NotPlaced("order", f"no order of the moves is possible: {last}", hint), tuple(obstacles)
+                NotPlaced("order", f"no order of the moves is possible: {last}", hint),
+                tuple(obstacles),
             )
         followed = list(_follow_plan(yard, outcome.plan, tried_moves, spots, near))
         if followed and isinstance(followed[-1], MoveObstacle):
@@ -117,7 +125,9 @@ def _follow_plan(
 
 
 def key_of(move: PartMove, spots: Mapping[str, PartSpot], near: Floats) -> Key:
-    """The key under which the carries of a move are remembered: the parts at their spots, and where the arm is (k,)."""
+    """The key under which the carries of a move are remembered: the parts at their spots, and
+    where the arm is (k,).
+    """
     return move, frozenset(spots.items()), near.tobytes()
 
 
@@ -128,7 +138,9 @@ def move_of(step: Function) -> PartMove:
         case "set_aside":
             return PartMove(part, MoveKind.DIRECT, PartSpot.FOUND, PartSpot.ASIDE)
         case "place_by_regrasps":
-            return PartMove(part, MoveKind.REGRASPED, PartSpot(str(step.arguments[1])), PartSpot.GOAL)
+            return PartMove(
+                part, MoveKind.REGRASPED, PartSpot(str(step.arguments[1])), PartSpot.GOAL
+            )
         case _:
             return PartMove(part, MoveKind.DIRECT, PartSpot(str(step.arguments[1])), PartSpot.GOAL)
 
@@ -172,7 +184,9 @@ def _ground_atom(name: str, *arguments: str) -> Atom:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Built:
-    """The moves of an assembly in their order, each with its carries; what was learned on the way, and the problem with it."""
+    """The moves of an assembly in their order, each with its carries; what was learned on the
+    way, and the problem with it.
+    """
 
     goal: Assembled
     looked: SceneView
@@ -189,7 +203,10 @@ AssemblyMade: TypeAlias = Built | NotBuilt
 def assemble_scene(
     scene: Scene, domain: Domain, base: str, seed: int = 0, image: Floats | None = None
 ) -> tuple[AssemblyMade, SceneView | None]:
-    """All parts that the scene's relations name are put where they belong. Raises `InvalidInput` for names that are not there."""
+    """All parts that the scene's relations name are put where they belong.
+
+    Raises `InvalidInput` for names that are not there.
+    """
     world, parts = GeometricWorld.of(scene.cell), related_parts(scene, base)
     goal = goal_of(scene, world, parts, base)
     if isinstance(goal, RelationContradiction):
@@ -221,6 +238,10 @@ def _built_answer(
 
 def related_parts(scene: Scene, base: str) -> tuple[str, ...]:
     """The parts that relations name, but the base."""
-    named = {name for relation in scene.relations for name in (relation.first[0], relation.second[0])}
+    named = {
+        name for relation in scene.relations for name in (relation.first[0], relation.second[0])
+    }
     bodies = scene.cell.bodies
-    return tuple(sorted(n for n in named if n != base and n in bodies and bodies[n].kind is BodyKind.PART))
+    return tuple(
+        sorted(n for n in named if n != base and n in bodies and bodies[n].kind is BodyKind.PART)
+    )

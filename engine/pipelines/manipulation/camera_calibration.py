@@ -9,7 +9,12 @@ from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import inverse, rotation, rotation_by_vector, transform
 from cellwright.engine.model.vision import DepthImage, LocatedPart
 from cellwright.engine.pipelines.manipulation.camera_optics import CameraOptics, drawn_errors
-from cellwright.engine.pipelines.manipulation.part_grasps import ArmReach, PartHolds, part_holds, with_hand
+from cellwright.engine.pipelines.manipulation.part_grasps import (
+    ArmReach,
+    PartHolds,
+    part_holds,
+    with_hand,
+)
 from cellwright.engine.pipelines.manipulation.scene_camera import (
     camera_of,
     camera_pose,
@@ -61,19 +66,27 @@ def held_target(scene: Scene, target: str, world: GeometricWorld) -> GeometricWo
 def showing_configurations(
     scene: Scene, target: str, number: int, random: np.random.Generator
 ) -> tuple[Floats, ...]:
-    """Joint values (k,) that touch nothing, and with which the camera sees the target well; up to `number` of them."""
+    """Joint values (k,) that touch nothing, and with which the camera sees the target well; up
+    to `number` of them.
+    """
     return tuple(
-        _free_poses(scene, held_target(scene, target, GeometricWorld.of(scene.cell)), target, number, random)
+        _free_poses(
+            scene, held_target(scene, target, GeometricWorld.of(scene.cell)), target, number, random
+        )
     )
 
 
 def _free_poses(
     scene: Scene, held_world: GeometricWorld, target: str, number: int, random: np.random.Generator
 ) -> Iterator[Floats]:
-    """Joint values (k,) with which the target is seen and nothing is touched; the hand lies across the camera's axis."""
+    """Joint values (k,) with which the target is seen and nothing is touched; the hand lies
+    across the camera's axis.
+    """
     arm, count = scene.hand.arm, 0
     own = frozenset(
-        frozenset((target, name)) for name in held_world.cell.bodies if name not in scene.cell.bodies
+        frozenset((target, name))
+        for name in held_world.cell.bodies
+        if name not in scene.cell.bodies
     )
     reach = ArmReach(held_world, arm, own)
     T_camera = camera_pose(scene, held_world)
@@ -118,25 +131,36 @@ CALIBRATION_ROUNDS = 2  # the target is located again with the intrinsics that w
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetReadings:
-    """Depth images (height, width) in metres of a target in the hand, at joint values (k,); and one of the scene without them."""
+    """Depth images (height, width) in metres of a target in the hand, at joint values (k,); and
+    one of the scene without them.
+    """
 
     empty: Floats
     joints: tuple[Floats, ...]
     depths: tuple[Floats, ...]
 
 
-def calibrate_range(scene: Scene, images: Sequence[Floats], distances_m: Sequence[float]) -> RangeCalibration:
-    """What the range finder errs by, from images of a plate across its axis. Raises `InvalidInput` for too few distances."""
+def calibrate_range(
+    scene: Scene, images: Sequence[Floats], distances_m: Sequence[float]
+) -> RangeCalibration:
+    """What the range finder errs by, from images of a plate across its axis.
+
+    Raises `InvalidInput` for too few distances.
+    """
     camera = camera_of(scene)
     try:
         depth_images = [DepthImage(camera, image, scene.camera.noise_m) for image in images]
         return fit_range_calibration(depth_images, distances_m)
     except ValueError as error:
-        raise InvalidInput([Diagnostic(Source("--readings"), "K107", str(error), "add images")]) from None
+        raise InvalidInput(
+            [Diagnostic(Source("--readings"), "K107", str(error), "add images")]
+        ) from None
 
 
 def plate_images(scene: Scene, seed: int) -> tuple[list[Floats], list[float], tuple[float, float]]:
-    """Images of plates at distances, by a range finder with a hidden offset and scale, which are told last."""
+    """Images of plates at distances, by a range finder with a hidden offset and scale, which
+    are told last.
+    """
     drawn = drawn_errors(seed)
     optics = replace(CameraOptics.of(scene), offset_m=drawn.offset_m, scale=drawn.scale)
     return *optics.plates(scene.camera.distance_m, seed), (optics.offset_m, optics.scale)
@@ -174,7 +198,9 @@ def _located_hands(
     world, sightings, hands = GeometricWorld.of(scene.cell), list[LocatedPart](), list[Floats]()
     for q, depth in zip(readings.joints, readings.depths, strict=True):
         image = correct_depths(scene, depth)
-        new = (depth > 0) & (np.abs(depth - readings.empty) > CHANGE_SIGMAS * max(image.noise_m, 1e-6))
+        new = (depth > 0) & (
+            np.abs(depth - readings.empty) > CHANGE_SIGMAS * max(image.noise_m, 1e-6)
+        )
         sighting = locate_in_image(model, image, KnownScene(~new))
         if isinstance(sighting, LocatedPart) and len(sighting.equivalent) == 1:
             sightings.append(sighting)
@@ -182,9 +208,14 @@ def _located_hands(
     return hands, sightings
 
 
-def made_readings(scene: Scene, target: str, number: int, seed: int) -> tuple[TargetReadings, CameraOptics]:
-    """Readings of a camera that errs, which is told, at poses of the arm that are free and show the target."""
-    drawn = replace(drawn_errors(seed), offset_m=0.0, scale=1.0)  # the range finder is calibrated by itself
+def made_readings(
+    scene: Scene, target: str, number: int, seed: int
+) -> tuple[TargetReadings, CameraOptics]:
+    """Readings of a camera that errs, which is told, at poses of the arm that are free and show
+    the target.
+    """
+    # the range finder is calibrated by itself
+    drawn = replace(drawn_errors(seed), offset_m=0.0, scale=1.0)
     optics = CameraOptics.of(scene, drawn)
     joints = showing_configurations(scene, target, number, np.random.default_rng(seed))
     return take_images(scene, target, joints, optics, seed), optics
@@ -196,10 +227,13 @@ def take_images(
     """The images that a camera takes of a target that an arm holds exactly where its joints say."""
     held_world = held_target(scene, target, GeometricWorld.of(scene.cell))
     depths = [
-        optics.image(held_world.moved(scene.hand.arm, q), 1000 * seed + n) for n, q in enumerate(joints, 1)
+        optics.image(held_world.moved(scene.hand.arm, q), 1000 * seed + n)
+        for n, q in enumerate(joints, 1)
     ]
     return TargetReadings(
-        optics.image(GeometricWorld.of(scene.cell), 1000 * seed, {target}), tuple(joints), tuple(depths)
+        optics.image(GeometricWorld.of(scene.cell), 1000 * seed, {target}),
+        tuple(joints),
+        tuple(depths),
     )
 
 
@@ -227,7 +261,9 @@ def scene_with_camera(scene: Scene, calibration: CameraCalibration) -> Scene:
 
 
 def _known_camera(scene: Scene) -> CameraFound:
-    """What is known of the camera; what was never calibrated is as the scene says, and is not doubted."""
+    """What is known of the camera; what was never calibrated is as the scene says, and is not
+    doubted.
+    """
     if scene.calibrated is not None:
         return scene.calibrated
     T, camera = camera_pose(scene, GeometricWorld.of(scene.cell)), camera_of(scene)

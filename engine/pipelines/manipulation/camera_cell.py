@@ -31,7 +31,11 @@ from cellwright.engine.pipelines.manipulation.camera_calibration import (
     target_holds,
     with_range,
 )
-from cellwright.engine.pipelines.manipulation.camera_optics import CameraErrors, CameraOptics, drawn_errors
+from cellwright.engine.pipelines.manipulation.camera_optics import (
+    CameraErrors,
+    CameraOptics,
+    drawn_errors,
+)
 from cellwright.engine.pipelines.manipulation.scene_camera import camera_pose, correct_depths
 from cellwright.engine.pipelines.simulators import HiddenCell, Simulator, fault_base, settings_of
 from cellwright.engine.ports import DriverSetup
@@ -54,7 +58,9 @@ Shows = Callable[[Scene, Sequence[Floats]], Iterator[tuple[Floats, GeometricWorl
 
 
 def held_still(scene: Scene, joints: Sequence[Floats]) -> Iterator[tuple[Floats, GeometricWorld]]:
-    """An arm that is always where its joints say, with the target in its hand: the joint values (k,), and the world then."""
+    """An arm that is always where its joints say, with the target in its hand: the joint values
+    (k,), and the world then.
+    """
     held_world = held_target(scene, scene.target, GeometricWorld.of(scene.cell))
     for q in joints:
         yield q, held_world.moved(scene.hand.arm, q)
@@ -64,8 +70,8 @@ def held_still(scene: Scene, joints: Sequence[Floats]) -> Iterator[tuple[Floats,
 class RunCamera:
     """A camera in a run: `scene` is what is believed of it, `optics` how it is.
 
-    `shows` has the arm hold the target at joint values, and `world` tells what else is there. What was found is kept in `keep`, and depth maps
-    in the folder `maps`, if these are given.
+    `shows` has the arm hold the target at joint values, and `world` tells what else is there. What
+    was found is kept in `keep`, and depth maps in the folder `maps`, if these are given.
     """
 
     scene: Scene
@@ -110,18 +116,25 @@ class RunCamera:
         )
         if found_range is None:
             return False
-        offset, scale = (calibrated.offset_m, calibrated.scale) if calibrated is not None else (0.0, 1.0)
-        return abs(found_range.offset_m - offset + (found_range.scale - scale) * distance) < OFF_M / 2
+        offset, scale = (
+            (calibrated.offset_m, calibrated.scale) if calibrated is not None else (0.0, 1.0)
+        )
+        return (
+            abs(found_range.offset_m - offset + (found_range.scale - scale) * distance) < OFF_M / 2
+        )
 
     def calibrate_camera(self) -> str:
         """The target is shown, and the camera is believed where it was found."""
         try:
-            calibration = calibrate_camera(self.scene, self.scene.target, self._readings(CALIBRATION_IMAGES))
+            calibration = calibrate_camera(
+                self.scene, self.scene.target, self._readings(CALIBRATION_IMAGES)
+            )
         except InvalidInput:
             return "no_target"
         self._believe(scene_with_camera(self.scene, calibration))
         lens = [
-            round(1000 * length) for length in (calibration.camera.focal_px, *calibration.camera.centre_px)
+            round(1000 * length)
+            for length in (calibration.camera.focal_px, *calibration.camera.centre_px)
         ]
         within = 3 * float(np.sqrt(np.linalg.eigvalsh(calibration.covariance[:3, :3])[-1]))
         return f"camera({lens[0]}, {lens[1]}, {lens[2]}, {round(1e6 * within)})"
@@ -135,7 +148,9 @@ class RunCamera:
         return "displaced" if metres > OFF_M or radians > OFF_RAD else f"off({round(1e6 * metres)})"
 
     def off(self) -> tuple[float, float] | None:
-        """How far (m, rad) from where the arm holds it the target is seen; None if it is not found."""
+        """How far (m, rad) from where the arm holds it the target is seen; None if it is not
+        found.
+        """
         holds = target_holds(self.scene, self.scene.target)
         readings, world = self._readings(MAX_CHECK_IMAGES), GeometricWorld.of(self.scene.cell)
         for q, depth in zip(readings.joints, readings.depths, strict=True):
@@ -143,10 +158,19 @@ class RunCamera:
             new = (depth > 0) & (np.abs(depth - readings.empty) > CHANGE_SIGMAS * image.noise_m)
             sighting = locate_in_image(PartModel(holds.solid), image, KnownScene(~new))
             if isinstance(sighting, LocatedPart):
-                hand = world.moved(self.scene.hand.arm, q).pose("world", f"{self.scene.hand.arm}.tool")
-                expected = inverse(camera_pose(self.scene, world)) @ hand @ inverse(holds.poses[TARGET_HOLD])
+                hand = world.moved(self.scene.hand.arm, q).pose(
+                    "world", f"{self.scene.hand.arm}.tool"
+                )
+                expected = (
+                    inverse(camera_pose(self.scene, world))
+                    @ hand
+                    @ inverse(holds.poses[TARGET_HOLD])
+                )
                 metres, radians = min(
-                    (difference(expected, T_camera_target) for T_camera_target in sighting.equivalent),
+                    (
+                        difference(expected, T_camera_target)
+                        for T_camera_target in sighting.equivalent
+                    ),
                     key=lambda pair: float(pair[0]),
                 )
                 return float(metres), float(radians)
@@ -190,7 +214,10 @@ class RunCamera:
             self.keep.write_text(calibration_text(scene.calibrated), "utf-8")
 
 
-REPAIR_OPERATIONS = {"calibrate_the_camera": "calibrate_camera", "calibrate_the_range": "calibrate_range"}
+REPAIR_OPERATIONS = {
+    "calibrate_the_camera": "calibrate_camera",
+    "calibrate_the_range": "calibrate_range",
+}
 
 
 class InnerCell(Protocol):
@@ -225,7 +252,9 @@ class CameraCell:
     seeing: RunCamera
 
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
-        """Carry out a step: its reply, from an image if it is a step of the camera that nothing else hinders."""
+        """Carry out a step: its reply, from an image if it is a step of the camera that nothing
+        else hinders.
+        """
         reply = self.inner.take(text, expects, part)
         if reply is None or reply.partition("(")[0] != expects.partition("(")[0]:
             return reply
@@ -281,7 +310,9 @@ def seeing_of(
 
 
 def errors_of(options: Mapping[str, str], seed: int) -> CameraErrors:
-    """By what a camera errs, in mm, degrees, percent and pixels; drawn by the seed where nothing is said. Raises `InvalidInput`."""
+    """By what a camera errs, in mm, degrees, percent and pixels; drawn by the seed where
+    nothing is said. Raises `InvalidInput`.
+    """
     if not any(key in options for key in ("moved", "lens", "depths")):
         return drawn_errors(seed)
     x, y, z, a, b, c = _option_numbers(options, "moved", 6)
@@ -306,7 +337,10 @@ def _option_numbers(options: Mapping[str, str], name: str, count: int) -> list[f
         numbers = []
     if len(numbers) != count:
         reason = f"'{options[name][:60]}' is not {count} numbers"
-        hint = {"moved": "moved=5,0,-3,0,0.5,0 (mm, degrees)", "lens": "lens=0.4,1,-2 (percent, pixels)"}
+        hint = {
+            "moved": "moved=5,0,-3,0,0.5,0 (mm, degrees)",
+            "lens": "lens=0.4,1,-2 (percent, pixels)",
+        }
         raise InvalidInput(
             [
                 Diagnostic(
@@ -324,7 +358,10 @@ CAMERA_OPTIONS = ("scene", "calibration", "maps", "moved", "lens", "depths")
 
 
 def camera_simulator(setup: DriverSetup) -> Simulator:
-    """The simulated cell of a scene for a run. Options: those of the simulator, `scene`, and those of its camera. Raises `InvalidInput`."""
+    """The simulated cell of a scene for a run.
+
+    Options: those of the simulator, `scene`, and those of its camera. Raises `InvalidInput`.
+    """
     settings = settings_of(setup, CAMERA_OPTIONS)
     asked_for_scene(setup)
     cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed)
@@ -335,4 +372,6 @@ def asked_for_scene(setup: DriverSetup) -> None:
     """Refuse options without a scene. Raises `InvalidInput`."""
     if "scene" not in setup.options:
         hint = "name a scene: --option scene=domains/handey/scene.yaml"
-        raise InvalidInput([Diagnostic(Source("--option"), "K408", "this driver needs a scene", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source("--option"), "K408", "this driver needs a scene", hint)]
+        )

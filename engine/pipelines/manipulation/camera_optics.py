@@ -28,8 +28,8 @@ PLATE_LEAN_RAD = 0.01  # how far a plate leans: the standard deviation for each 
 
 @dataclass(frozen=True, slots=True)
 class CameraErrors:
-    """How a camera differs from what is believed of it: a displacement and a turn along its own axes, its focal length (a factor), its
-    centre in pixels, and depths: an offset and a factor.
+    """How a camera differs from what is believed of it: a displacement and a turn along its own
+    axes, its focal length (a factor), its centre in pixels, and depths: an offset and a factor.
     """
 
     along_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -42,7 +42,9 @@ class CameraErrors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraOptics:
-    """A camera: `T_world_camera`, intrinsics, and a measured depth is `offset_m` + `scale` times the true one, with noise."""
+    """A camera: `T_world_camera`, intrinsics, and a measured depth is `offset_m` + `scale`
+    times the true one, with noise.
+    """
 
     camera: DepthCamera
     T_world_camera: Floats
@@ -62,21 +64,31 @@ class CameraOptics:
         T = camera_pose(scene, GeometricWorld.of(scene.cell)) @ transform(
             rotation_by_vector(np.array(errors.turn_rad)), np.array(errors.along_m)
         )
-        offset, scale = (calibrated.offset_m, calibrated.scale) if calibrated is not None else (0.0, 1.0)
+        offset, scale = (
+            (calibrated.offset_m, calibrated.scale) if calibrated is not None else (0.0, 1.0)
+        )
         sensor = DepthSensor(scene.camera.noise_m, scene.camera.dropouts)
         return cls(camera, T, sensor, offset + errors.offset_m, scale * errors.scale)
 
     def image(self, world: GeometricWorld, seed: int, without: Collection[str] = ()) -> Floats:
-        """The depths (height, width) that it measures of the bodies of a world, without the arms."""
+        """The depths (height, width) that it measures of the bodies of a world, without the
+        arms.
+        """
         T = inverse(self.T_world_camera)
-        bodies = [body for name, body in world.cell.bodies.items() if name not in without and body.shapes]
+        bodies = [
+            body for name, body in world.cell.bodies.items() if name not in without and body.shapes
+        ]
         exact = render_depths(
             [(solid_of(body), T @ world.pose("world", body.name)) for body in bodies], self.camera
         )[0]
-        return disturb_image(replace(exact, depth=self._measured(exact.depth)), self.sensor, seed).depth
+        return disturb_image(
+            replace(exact, depth=self._measured(exact.depth)), self.sensor, seed
+        ).depth
 
     def plates(self, distance_m: float, seed: int) -> tuple[list[Floats], list[float]]:
-        """The depths that it measures of plates across its axis that lean a little, and how far these are."""
+        """The depths that it measures of plates across its axis that lean a little, and how far
+        these are.
+        """
         random = np.random.default_rng(seed)
         v, u = np.mgrid[: self.camera.height, : self.camera.width].astype(float)
         rays, images = self.camera.rays(u, v), []
@@ -89,7 +101,9 @@ class CameraOptics:
         return images, distances
 
     def _measured(self, depth: Floats) -> Floats:
-        measured: Floats = np.where(depth > 0, np.maximum(self.offset_m + self.scale * depth, 0.0), 0.0)
+        measured: Floats = np.where(
+            depth > 0, np.maximum(self.offset_m + self.scale * depth, 0.0), 0.0
+        )
         return measured
 
 
@@ -100,4 +114,6 @@ def drawn_errors(seed: int) -> CameraErrors:
     a, b, c = random.normal(0, np.radians(0.8), 3)
     focal, (u, v) = 1 + random.normal(0, 0.004), random.normal(0, 1.5, 2)
     offset, scale = random.normal(0, 0.004), 1 + random.normal(0, 0.004)
-    return CameraErrors((x, y, z), (a, b, c), float(focal), (float(u), float(v)), float(offset), float(scale))
+    return CameraErrors(
+        (x, y, z), (a, b, c), float(focal), (float(u), float(v)), float(offset), float(scale)
+    )

@@ -8,14 +8,19 @@ import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.pipelines.manipulation.carry_paths import LIFT_M
-from cellwright.engine.pipelines.manipulation.force_insertion import SEARCH_ABOVE_RIM_M, insert_part, raise_up
+from cellwright.engine.pipelines.manipulation.force_insertion import (
+    SEARCH_ABOVE_RIM_M,
+    insert_part,
+    raise_up,
+)
 from cellwright.engine.pipelines.manipulation.mujoco_cell import MujocoCell
 from cellwright.engine.pipelines.manipulation.place_answers import Carry, PathLeg
 from cellwright.engine.stages.grasping.hole_insertion import HoleSearch, Insertion
 
 GUARD_N = 15.0  # a push that stops the hand on its way to a part
 NARROW_M = (
-    0.003  # fingers that close farther than this below the part's width hold something else, or nothing
+    # fingers that close farther than this below the part's width hold something else, or nothing
+    0.003
 )
 LOST_S = 0.05  # a finger may leave a part for less, as when it is set down
 SEARCH_WIDENING = 2.0  # times what was doubted: a second search
@@ -33,7 +38,10 @@ class CarryEnd(StrEnum):
 
 
 def execute_carry(shop: MujocoCell, part: str, carry: Carry) -> CarryEnd:
-    """Take a part and let it go as planned. After a failure the arm is where it can go on from: backed off, and empty."""
+    """Take a part and let it go as planned.
+
+    After a failure the arm is where it can go on from: backed off, and empty.
+    """
     taken = take_up(shop, part, carry)
     return taken if taken is not CarryEnd.DONE else put_down(shop, part, carry)
 
@@ -62,7 +70,9 @@ def take_up(shop: MujocoCell, part: str, carry: Carry) -> CarryEnd:
 
 
 def put_down(shop: MujocoCell, part: str, carry: Carry) -> CarryEnd:
-    """Let a part go that is held above where it is to go; it is inserted where it is enclosed there."""
+    """Let a part go that is held above where it is to go; it is inserted where it is enclosed
+    there.
+    """
     legs = {leg.what: leg for leg in carry.legs}
     if carry.insertion is not None:
         return _put_in(shop, part, carry, legs)
@@ -72,10 +82,15 @@ def put_down(shop: MujocoCell, part: str, carry: Carry) -> CarryEnd:
 
 
 def _put_in(shop: MujocoCell, part: str, carry: Carry, legs: Mapping[str, PathLeg]) -> CarryEnd:
-    """Lower the part to above its hole, and insert it by the sense of force. What does not go in is brought back up."""
+    """Lower the part to above its hole, and insert it by the sense of force.
+
+    What does not go in is brought back up.
+    """
     assert carry.insertion is not None
     lower = legs["lower"]
-    if not _follow_with_part(shop, part, replace(lower, path=_above_rim(lower.path, carry.insertion))):
+    if not _follow_with_part(
+        shop, part, replace(lower, path=_above_rim(lower.path, carry.insertion))
+    ):
         return CarryEnd.LOST
     shop.permit(*shop.scene.cell.bodies)
     if insert_part(shop, part, carry):
@@ -84,11 +99,15 @@ def _put_in(shop: MujocoCell, part: str, carry: Carry, legs: Mapping[str, PathLe
 
 
 def searched_on(shop: MujocoCell, part: str, carry: Carry) -> CarryEnd:
-    """Search for the hole with a part that did not go in, on a spiral that is wider; it is laid down there if this fails, too."""
+    """Search for the hole with a part that did not go in, on a spiral that is wider; it is laid
+    down there if this fails, too.
+    """
     legs, plan = {leg.what: leg for leg in carry.legs}, carry.insertion
     if plan is None or not shop.holds(part):
         return _leave_part(shop, legs["lower"])
-    wider = replace(plan, search=HoleSearch.SPIRAL, doubt_m=SEARCH_WIDENING * max(plan.doubt_m, plan.room_m))
+    wider = replace(
+        plan, search=HoleSearch.SPIRAL, doubt_m=SEARCH_WIDENING * max(plan.doubt_m, plan.room_m)
+    )
     again = replace(carry, insertion=wider)
     raise_up(shop, again)
     if insert_part(shop, part, again):
@@ -104,7 +123,9 @@ def _leave_part(shop: MujocoCell, lower: PathLeg) -> CarryEnd:
 
 
 def _above_rim(path: Floats, plan: Insertion) -> Floats:
-    """The part of a straight way down that ends above the rim; its corners are at even distances."""
+    """The part of a straight way down that ends above the rim; its corners are at even
+    distances.
+    """
     most = max(0.0, 1.0 - (plan.depth_m + SEARCH_ABOVE_RIM_M) / LIFT_M) * (len(path) - 1)
     whole = int(most)
     if whole == len(path) - 1:
@@ -114,7 +135,10 @@ def _above_rim(path: Floats, plan: Insertion) -> Floats:
 
 
 def _follow_with_part(shop: MujocoCell, part: str, leg: PathLeg) -> bool:
-    """Follow a leg with the part in the hand; whether it is still there. What the part stands on may be touched near it."""
+    """Follow a leg with the part in the hand; whether it is still there.
+
+    What the part stands on may be touched near it.
+    """
     shop.permit(*(shop.scene.cell.bodies if leg.what != "carry" else ()))
     if shop.follow(_arm_path(shop, leg), _part_lost(shop, part), carries=True):
         return True

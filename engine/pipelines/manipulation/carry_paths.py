@@ -1,7 +1,8 @@
 """Paths of one carry: approach to the part, grasp, lift, motion over, lowering, and retreat.
 
-The plane is that of `cellwright.engine.stages.grasping.grasp_approach`: the hand moves in it across its closing direction, and turns about that.
-A way is found outwards, from the grasp to where the hand is free of what stands around. The arm follows it by inverse kinematics.
+The plane is that of `cellwright.engine.stages.grasping.grasp_approach`: the hand moves in it across
+its closing direction, and turns about that. A way is found outwards, from the grasp to where the
+hand is free of what stands around. The arm follows it by inverse kinematics.
 """
 
 from collections.abc import Sequence
@@ -23,7 +24,11 @@ from cellwright.engine.pipelines.manipulation.part_grasps import (
     with_hand,
 )
 from cellwright.engine.pipelines.manipulation.place_answers import Carry, NotPlaced, PathLeg
-from cellwright.engine.pipelines.manipulation.workspace import UNKNOWN_BODY, HandApproachKind, PlaceTask
+from cellwright.engine.pipelines.manipulation.workspace import (
+    UNKNOWN_BODY,
+    HandApproachKind,
+    PlaceTask,
+)
 from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.engine.stages.grasping.grasp_approach import (
@@ -38,7 +43,8 @@ from cellwright.kb.model.part_scene import Scene
 REACH_M = 0.3  # around the grasp, in which obstacles count
 APART_M = 0.004  # between the points that stand for surfaces
 PLANE_START_M = 0.18  # how far from the grasp a way in the plane begins
-HAND_TILTS = np.radians([0, -25, 25, -50, 50, -75, 75])  # of the hand there, about the closing direction
+# of the hand there, about the closing direction
+HAND_TILTS = np.radians([0, -25, 25, -50, 50, -75, 75])
 STEP_M, STEP_RAD = 0.012, float(np.radians(6))  # between poses that the arm goes through
 MAX_PLANE_STARTS = 3  # that are tried
 PLANE_GRID = ApproachGrid(reach_m=0.24, step_m=0.004)
@@ -46,7 +52,9 @@ PLANE_GRID = ApproachGrid(reach_m=0.24, step_m=0.004)
 
 @dataclass(frozen=True, eq=False)
 class ApproachPath:
-    """From a hold of the part at a pose T_world_part to where the hand is free, in the manner of the task."""
+    """From a hold of the part at a pose T_world_part to where the hand is free, in the manner
+    of the task.
+    """
 
     task: PlaceTask
     hold: int
@@ -68,12 +76,17 @@ class ApproachPath:
 
     @cached_property
     def in_plane(self) -> ApproachAnswer:
-        """The way to the grasp in its plane; else why there is none, from the last start that was tried."""
+        """The way to the grasp in its plane; else why there is none, from the last start that
+        was tried.
+        """
         holds = self.task.holds
         grasp = holds.grasps[holds.grasp_of[self.hold]]
         plane = _grasp_plane(self.task, grasp.opening, holds.poses[self.hold], self.T_world_part)
         starts = np.array(
-            [[PLANE_START_M * np.sin(tilt), -PLANE_START_M * np.cos(tilt), tilt] for tilt in HAND_TILTS]
+            [
+                [PLANE_START_M * np.sin(tilt), -PLANE_START_M * np.cos(tilt), tilt]
+                for tilt in HAND_TILTS
+            ]
         )
         answer: ApproachAnswer = NoApproach(
             "wherever it could come from, the hand meets something", starts[0]
@@ -81,7 +94,9 @@ class ApproachPath:
         for start in starts[plane.free(starts)][:MAX_PLANE_STARTS]:
             potential = self.task.manner.coming is HandApproachKind.POTENTIAL
             answer = (
-                approach_by_potential(plane, start) if potential else plan_approach(plane, start, PLANE_GRID)
+                approach_by_potential(plane, start)
+                if potential
+                else plan_approach(plane, start, PLANE_GRID)
             )
             if isinstance(answer, HandApproach):
                 return HandApproach(_shorten_path(plane, answer.poses))
@@ -94,18 +109,24 @@ def plane_of(task: PlaceTask, carry: Carry) -> GraspPlane:
 
 
 def way_in(world: GeometricWorld, scene: Scene, carry: Carry) -> Floats:
-    """The poses (n, 3) of the hand in the grasp plane on a carry's approach, as y, z and the turn; the last is the grasp."""
+    """The poses (n, 3) of the hand in the grasp plane on a carry's approach, as y, z and the
+    turn; the last is the grasp.
+    """
     path = next(leg.path for leg in carry.legs if leg.what == "approach")
     back, arm = inverse(carry.T_world_from @ carry.T_part_hand), scene.hand.arm
     first, count = world.first_carriers[arm], len(world.configurations[arm])
-    hands = [back @ world.moved(arm, q[first : first + count]).pose("world", f"{arm}.tool") for q in path]
+    hands = [
+        back @ world.moved(arm, q[first : first + count]).pose("world", f"{arm}.tool") for q in path
+    ]
     return np.array([[T[1, 3], T[2, 3], np.arctan2(T[2, 1], T[2, 2])] for T in hands])
 
 
 def _grasp_plane(
     task: PlaceTask, opening: tuple[float, ...], T_part_hand: Floats, T_world_part: Floats
 ) -> GraspPlane:
-    """Points on all surfaces near a grasp, of the part itself too, in the frame of the hand at the grasp."""
+    """Points on all surfaces near a grasp, of the part itself too, in the frame of the hand at
+    the grasp.
+    """
     corners = np.concatenate([task.obstacles(T_world_part), task.holds.solid.corners])
     local = apply(inverse(T_part_hand), corners.reshape(-1, 3)).reshape(-1, 3, 3)
     near = (local.min(axis=1) < REACH_M).all(axis=1) & (local.max(axis=1) > -REACH_M).all(axis=1)
@@ -134,11 +155,15 @@ def _spread_points(corners: Floats) -> Floats:
 
 
 def _shorten_path(plane: GraspPlane, poses: Floats) -> Floats:
-    """Fewer corners of a way (n, 3) in the plane: from each the farthest that can be reached straight."""
+    """Fewer corners of a way (n, 3) in the plane: from each the farthest that can be reached
+    straight.
+    """
     corners, at = [0], 0
     while at < len(poses) - 1:
         ahead = range(len(poses) - 1, at, -1)
-        at = next(n for n in ahead if n == at + 1 or plane.free(_poses_between(poses[[at, n]])).all())
+        at = next(
+            n for n in ahead if n == at + 1 or plane.free(_poses_between(poses[[at, n]])).all()
+        )
         corners.append(at)
     return poses[corners]
 
@@ -167,7 +192,8 @@ def plane_poses(way: Floats | Sequence[Floats]) -> Floats:
 LIFT_M = 0.08
 MAX_MOTION_CONFIGURATIONS = 20_000  # configurations that the search for one motion looks at
 MOTION_MARGIN_M = (
-    0.005  # from everything, on motions between: servos lag a little, and a part may sit askew in the hand
+    # from everything, on motions between: servos lag a little, and a part may sit askew in the hand
+    0.005
 )
 MARGIN_BUDGET = 5_000  # configurations that a search with the margin looks at
 MAX_END_CONFIGURATIONS = 3  # configurations that are tried for an end
@@ -176,7 +202,9 @@ MAX_END_CONFIGURATIONS = 3  # configurations that are tried for an end
 def carry_part(
     task: PlaceTask, hold: int, poses: tuple[Floats, Floats], near: Floats, rest: str
 ) -> Carry | NotPlaced:
-    """Take the part with a hold at one pose, and let it go at another, from a configuration (k,) on."""
+    """Take the part with a hold at one pose, and let it go at another, from a configuration
+    (k,) on.
+    """
     T_from, T_to = poses
     grasp, T = task.holds.grasps[task.holds.grasp_of[hold]], task.holds.poses[hold]
     empty, above, full, free, after = _carry_reaches(task, grasp.opening, T, poses)
@@ -214,12 +242,17 @@ def carry_part(
 def _carry_reaches(
     task: PlaceTask, opening: Sequence[float], T_part_hand: Floats, poses: tuple[Floats, Floats]
 ) -> tuple[ArmReach, ...]:
-    """What the arm meets with the part where it lies (near, far), in the hand (near, far), and put down (near).
+    """What the arm meets with the part where it lies (near, far), in the hand (near, far), and put
+    down (near).
 
-    It keeps away from what is only seen. Near what is taken or put down, the hand and the part may pass through the blocks that
-    stand for that: they are coarse, and holds were compared with all that is seen.
+    It keeps away from what is only seen. Near what is taken or put down, the hand and the part may
+    pass through the blocks that stand for that: they are coarse, and holds were compared with all
+    that is seen.
     """
-    crowded, arm = with_hand(task.crowded, task.scene, task.holds.jaws, opening), task.scene.hand.arm
+    crowded, arm = (
+        with_hand(task.crowded, task.scene, task.holds.jaws, opening),
+        task.scene.hand.arm,
+    )
     (T_from, T_to), T_hand_part = poses, inverse(T_part_hand)
     with_part = crowded.put(task.part, f"{arm}.tool", T_hand_part)
     near = through_unknown(task)
@@ -244,7 +277,9 @@ def straight_leg(what: str, path: Floats, carries: bool, reach: ArmReach) -> Pat
 
 
 def may_touch(task: PlaceTask) -> frozenset[frozenset[str]]:
-    """While it is lifted and lowered, the part may touch what it lies on, and the hand that holds it."""
+    """While it is lifted and lowered, the part may touch what it lies on, and the hand that
+    holds it.
+    """
     other_bodies = [name for name in task.world.cell.bodies if name != task.part]
     return frozenset(frozenset((task.part, name)) for name in [*other_bodies, HAND_BODY])
 
@@ -257,7 +292,9 @@ def end_configurations(reach: ArmReach, T_world_hand: Floats, near: Floats) -> F
 def gross_motion(
     reach: ArmReach, start: Floats, goal: Floats, strategy: Strategy = Strategy.CONNECT
 ) -> Moved | None:
-    """A motion between two configurations (k,) that keeps a margin where there is room for it; None if none is found at all."""
+    """A motion between two configurations (k,) that keeps a margin where there is room for it;
+    None if none is found at all.
+    """
     own, ground = reach.hand.own, PlanningScene(reach.checker)
     query = PathQuery(
         start,
@@ -266,7 +303,9 @@ def gross_motion(
         moving=tuple(range(own.start, own.stop)),
         strategy=strategy,
     )
-    wide = try_path(ground, replace(query, margin_m=MOTION_MARGIN_M, budget=MARGIN_BUDGET), reach.hand)
+    wide = try_path(
+        ground, replace(query, margin_m=MOTION_MARGIN_M, budget=MARGIN_BUDGET), reach.hand
+    )
     if isinstance(wide, Moved) and wide.proved:
         return wide
     motion = try_path(ground, query, reach.hand)

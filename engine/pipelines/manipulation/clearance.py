@@ -31,16 +31,19 @@ LOOSE_M = 0.003  # a part with more room than this is not inserted, but laid dow
 MAX_TOUCH_DEPTH_M = 2e-5  # what overlaps by less does not count: relations are met to this
 ROOM_STEP_M = 5e-6  # how exactly the room is found
 STEP_M, HIGHEST_M = 0.002, 0.15  # how far up a part is lifted until it is free
-LEVEL_M, ROUND = 1e-4, 12  # how high the corners of the lower end are, and how many a round one has at least
+# how high the corners of the lower end are, and how many a round one has at least
+LEVEL_M, ROUND = 1e-4, 12
 SIDE_DIRECTIONS = np.array([[np.cos(a), np.sin(a), 0.0] for a in np.arange(8) * np.pi / 4])
 Free = Callable[[Floats], bool]
 
 
 def insertion_of(task: PlaceTask, covariance: Floats, T_part_hand: Floats) -> Insertion | None:
-    """The insertion at the goal of a part whose pose there is doubted by `covariance` (6, 6); None if it is not enclosed there.
+    """The insertion at the goal of a part whose pose there is doubted by `covariance` (6, 6); None
+    if it is not enclosed there.
 
-    The hole is believed where it is modelled, and the arm is as exact as the scene says; the part goes in along the vertical, held by
-    a hand at T_part_hand (4, 4). It searches where three standard deviations across exceed the room.
+    The hole is believed where it is modelled, and the arm is as exact as the scene says; the part
+    goes in along the vertical, held by a hand at T_part_hand (4, 4). It searches where three
+    standard deviations across exceed the room.
     """
     free = _free_at(task)
     room = _least_room(task.T_goal, free)
@@ -50,11 +53,15 @@ def insertion_of(task: PlaceTask, covariance: Floats, T_part_hand: Floats) -> In
     doubted = covariance[:2, :2] + task.scene.hand.accuracy_m**2 * np.eye(2)
     lowest = apply(task.T_goal, task.holds.solid.vertices)
     length = float((task.T_goal @ T_part_hand)[2, 3] - lowest[:, 2].min())
-    return plan_insertion(depth, room, doubted, round_m(lowest, room), length) if depth > 0 else None
+    return (
+        plan_insertion(depth, room, doubted, round_m(lowest, room), length) if depth > 0 else None
+    )
 
 
 def round_m(points: Floats, room_m: float) -> float:
-    """The radius of the lower end of a part with some corners (n, 3) if that is round to within the room, else 0."""
+    """The radius of the lower end of a part with some corners (n, 3) if that is round to within
+    the room, else 0.
+    """
     low = np.unique(np.round(points[points[:, 2] < points[:, 2].min() + LEVEL_M, :2], 6), axis=0)
     if len(low) < ROUND:
         return 0.0
@@ -79,7 +86,9 @@ def _shift_pose(T: Floats, by: Floats) -> Floats:
 
 
 def _least_room(T: Floats, free: Free) -> float | None:
-    """The least room (m) on each side of a part that is enclosed on all sides; None if it is not, or does not fit at all."""
+    """The least room (m) on each side of a part that is enclosed on all sides; None if it is
+    not, or does not fit at all.
+    """
     if not free(T):
         return None
     least = np.inf

@@ -1,7 +1,8 @@
 """Insertion by force: the arm with servos guides a part into its hole by what it feels.
 
-The arm goes where the controller says by the Jacobian of the hand. Where it presses, the height gives way: it goes down as fast as
-force is lacking (admittance). The force is that of all contacts of the part but those with the hand, as a sensor at the wrist feels it.
+The arm goes where the controller says by the Jacobian of the hand. Where it presses, the height
+gives way: it goes down as fast as force is lacking (admittance). The force is that of all contacts
+of the part but those with the hand, as a sensor at the wrist feels it.
 """
 
 from dataclasses import replace
@@ -31,7 +32,8 @@ BESIDE_N, LAGS_M = (
     0.003,
 )  # a push from the side that is more than friction, and how far the servos' aim may be ahead
 PULL_RATE = (
-    2.0  # 1/s: friction holds a part that is led across a surface back, until the servos have caught up
+    # 1/s: friction holds a part that is led across a surface back, until the servos have caught up
+    2.0
 )
 ALONG_M_S = 0.0025  # on the spiral: the servos of an arm lag
 PRESS_N = 6.0  # a part that is pressed harder leans between the pads
@@ -39,11 +41,19 @@ SPIRAL_PITCH = 0.6  # of the room: the turns of the spiral, as the part gives wa
 MOST_S = 60.0
 STILL_S, STILL_M = 3.0, 0.0002  # a part that gets no deeper for so long is stuck
 JACOBIAN_DAMPING = 1e-4  # of the inverse of the Jacobian
-PRESSING_PHASES = (InsertionPhase.SEARCH, InsertionPhase.LEAD, InsertionPhase.RIGHT, InsertionPhase.INSERT)
+PRESSING_PHASES = (
+    InsertionPhase.SEARCH,
+    InsertionPhase.LEAD,
+    InsertionPhase.RIGHT,
+    InsertionPhase.INSERT,
+)
 
 
 def insert_part(shop: MujocoCell, part: str, carry: Carry) -> bool:
-    """Whether a part that the hand holds over its hole goes in. The arm is above the rim; it is left where it has got to."""
+    """Whether a part that the hand holds over its hole goes in.
+
+    The arm is above the rim; it is left where it has got to.
+    """
     assert carry.insertion is not None
     plan = carry.insertion
     plan = replace(plan, along_m_s=ALONG_M_S, press_n=PRESS_N, room_m=SPIRAL_PITCH * plan.room_m)
@@ -89,9 +99,11 @@ def _to_the_end(shop: MujocoCell, part: str, servo: "_ArmServo", plan: Insertion
 
 
 class _ArmServo:
-    """The arm as the controller sees it: places are those of the part beside its goal, heights count from the rim.
+    """The arm as the controller sees it: places are those of the part beside its goal, heights
+    count from the rim.
 
-    Its x axis is that in which the fingers close, as far as this is horizontal: they hold a part firmly that is tilted that way.
+    Its x axis is that in which the fingers close, as far as this is horizontal: they hold a part
+    firmly that is tilted that way.
     """
 
     def __init__(self, shop: MujocoCell, carry: Carry, plan: Insertion) -> None:
@@ -103,7 +115,9 @@ class _ArmServo:
             carry.T_world_to @ carry.T_part_hand @ np.linalg.inv(T_hand_tool)
         )  # of the body of the hand
         self.rim = self.T_goal[:3, 3] + [0.0, 0.0, plan.depth_m]
-        self.axes = rotation((0.0, 0.0, 1.0), float(np.arctan2(self.T_goal[1, 0], self.T_goal[0, 0])))
+        self.axes = rotation(
+            (0.0, 0.0, 1.0), float(np.arctan2(self.T_goal[1, 0], self.T_goal[0, 0]))
+        )
         self.height, self.lags = self.at()[2], np.zeros(2)
 
     def _tool(self) -> Floats:
@@ -116,7 +130,9 @@ class _ArmServo:
         return place
 
     def press(self, target: Floats, press_n: float, push: Floats, lean_rad: float) -> None:
-        """Aim at a place (3,) as far as this needs little force (3,) to the sides; the height follows from the force that is lacking."""
+        """Aim at a place (3,) as far as this needs little force (3,) to the sides; the height
+        follows from the force that is lacking.
+        """
         self.height -= (
             float(np.clip(YIELD_PER_NEWTON * (press_n - push[2]), -MAX_SPEED_M_S, MAX_SPEED_M_S))
             * FORCE_LOOK_S

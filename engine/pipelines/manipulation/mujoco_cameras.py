@@ -10,7 +10,11 @@ from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import inverse, transform
 from cellwright.engine.model.vision import DepthImage
 from cellwright.engine.pipelines.manipulation.assembly_moves import AssemblyYard, PartSpot
-from cellwright.engine.pipelines.manipulation.camera_calibration import TARGET_HOLD, held_target, target_holds
+from cellwright.engine.pipelines.manipulation.camera_calibration import (
+    TARGET_HOLD,
+    held_target,
+    target_holds,
+)
 from cellwright.engine.pipelines.manipulation.camera_cell import (
     CAMERA_OPTIONS,
     CameraCell,
@@ -44,14 +48,18 @@ SHOWING_PAUSE_S = 0.3
 
 @dataclass(frozen=True, eq=False)
 class TargetShowing:
-    """What the arm of a shop does with the target of a scene. Somebody clamps it in the hand, and takes it away in the end.
+    """What the arm of a shop does with the target of a scene. Somebody clamps it in the hand, and
+    takes it away in the end.
 
     Friction alone would let it creep while it is shown, by some millimetres in a minute."""
 
     shop: MujocoCell
 
-    def __call__(self, scene: Scene, joints: Sequence[Floats]) -> Iterator[tuple[Floats, GeometricWorld]]:
-        """For each of some joint values (k,) that the arm gets to: what its joints read, and the world then.
+    def __call__(
+        self, scene: Scene, joints: Sequence[Floats]
+    ) -> Iterator[tuple[Floats, GeometricWorld]]:
+        """For each of some joint values (k,) that the arm gets to: what its joints read, and the
+        world then.
 
         Ways are planned in what is believed: other parts may be where nobody knows.
         """
@@ -73,7 +81,9 @@ class TargetShowing:
         if fastened:
             shop.clamp(target, False)
             shop.open_wide()
-            shop.stage.put(target, GeometricWorld.of(shop.stage.world.cell).put(target, "world", lay))
+            shop.stage.put(
+                target, GeometricWorld.of(shop.stage.world.cell).put(target, "world", lay)
+            )
         shop.permit()
         shop.wait(SHOWING_PAUSE_S)
 
@@ -81,7 +91,9 @@ class TargetShowing:
         """The target comes between the fingers, and is clamped there."""
         shop, holds = self.shop, target_holds(scene, scene.target)
         shop.open_for(holds.grasps[holds.grasp_of[TARGET_HOLD]].opening)
-        shop.stage.put(scene.target, held_target(scene, scene.target, shop.stage.actual(shop.stage.world)))
+        shop.stage.put(
+            scene.target, held_target(scene, scene.target, shop.stage.actual(shop.stage.world))
+        )
         shop.close()
         shop.clamp(scene.target, True)
         shop.wait(SHOWING_PAUSE_S)
@@ -114,7 +126,11 @@ TAKEN_PX = 30  # pixels of something unknown that make a goal occupied
 
 @dataclass
 class WorkshopCameras:
-    """The cameras of a workshop. That of the scene may have been knocked since it was calibrated; that of the hand is as it should be."""
+    """The cameras of a workshop.
+
+    That of the scene may have been knocked since it was calibrated; that of the hand is as it
+    should be.
+    """
 
     shop: MujocoCell
     seed: int = 0
@@ -126,21 +142,34 @@ class WorkshopCameras:
         """The camera of the scene: what is believed of it, and how it is."""
         scene = self.shop.scene
         return RunCamera(
-            scene, CameraOptics.of(scene, self.knock), self.shop.world, TargetShowing(self.shop), self.seed
+            scene,
+            CameraOptics.of(scene, self.knock),
+            self.shop.world,
+            TargetShowing(self.shop),
+            self.seed,
         )
 
     def look(self, yard: AssemblyYard, spots: Mapping[str, PartSpot], *parts: str) -> SceneView:
-        """Parts, in an image of the scene's camera; the other ones are known to be where they are believed."""
-        return look_for_parts(self.seeing.scene, _believed_world(yard, spots), parts, 0, self.seeing.image())
+        """Parts, in an image of the scene's camera; the other ones are known to be where they
+        are believed.
+        """
+        return look_for_parts(
+            self.seeing.scene, _believed_world(yard, spots), parts, 0, self.seeing.image()
+        )
 
     def look_near(self, yard: AssemblyYard, spots: Mapping[str, PartSpot], part: str) -> SceneView:
         """The same from near by, above where the part is believed."""
         scene = _scene_above(self.shop.scene, yard.pose(part, spots[part]), LOOK_ABOVE_PART_M)
-        return look_for_parts(scene, _believed_world(yard, spots), (part,), 0, self._image(scene).depth)
+        return look_for_parts(
+            scene, _believed_world(yard, spots), (part,), 0, self._image(scene).depth
+        )
 
     def goal_is_taken(self, yard: AssemblyYard, spots: Mapping[str, PartSpot], part: str) -> bool:
         """Whether something that nobody knows is where a part belongs."""
-        scene, goal = _scene_above(self.shop.scene, yard.goals[part], LOOK_ABOVE_GOAL_M), yard.goals[part]
+        scene, goal = (
+            _scene_above(self.shop.scene, yard.goals[part], LOOK_ABOVE_GOAL_M),
+            yard.goals[part],
+        )
         believed, camera = _believed_world(yard, spots), camera_of(scene)
         image = self._image(scene)
         known_depth = depth_image(scene, believed, camera, {part, *scene.clutter}).depth
@@ -152,7 +181,9 @@ class WorkshopCameras:
         return int((strange & own).sum()) > TAKEN_PX
 
     def wide(self, looked: SceneView, before: SceneView) -> SceneView:
-        """The look to go on with: a new one by the scene's camera, else the one before, because it shows more of the scene."""
+        """The look to go on with: a new one by the scene's camera, else the one before, because
+        it shows more of the scene.
+        """
         own = camera_pose(self.seeing.scene, GeometricWorld.of(self.seeing.scene.cell))
         same = np.abs(looked.T_world_camera - own).max() < 1e-9
         return looked if same else before
@@ -179,7 +210,10 @@ def _scene_above(scene: Scene, T_world_part: Floats, height_m: float) -> Scene:
 
 
 def workshop_simulator(setup: DriverSetup) -> Simulator:
-    """The cell of a scene for a run. Options: those of the simulator, `scene`, and those of its camera. Raises `InvalidInput`."""
+    """The cell of a scene for a run.
+
+    Options: those of the simulator, `scene`, and those of its camera. Raises `InvalidInput`.
+    """
     settings = settings_of(setup, CAMERA_OPTIONS)
     asked_for_scene(setup)
     seeing = seeing_of(setup.options, setup.seed, _in_physics)

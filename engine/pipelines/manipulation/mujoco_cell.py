@@ -1,6 +1,7 @@
 """Scene in MuJoCo: an arm with a hand that closes, parts held by friction, and a camera.
 
-The controller knows the weight of what it believes to hold. Between what it knows and what is there, nothing is shared.
+The controller knows the weight of what it believes to hold. Between what it knows and what is
+there, nothing is shared.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -58,7 +59,9 @@ class MujocoCell:
         return self.stage.pose(body)
 
     def world(self) -> GeometricWorld:
-        """The scene's world with all parts where they really are; what has fallen from the table is not in it."""
+        """The scene's world with all parts where they really are; what has fallen from the
+        table is not in it.
+        """
         world = GeometricWorld.of(self.scene.cell)
         gone = [name for name in self._parts() if self.pose(name)[2, 3] < FLOOR_M]
         bodies = {name: body for name, body in world.cell.bodies.items() if name not in gone}
@@ -71,8 +74,12 @@ class MujocoCell:
     def _parts(self) -> Iterator[str]:
         return (name for name, body in self.scene.cell.bodies.items() if body.kind is BodyKind.PART)
 
-    def follow(self, path: Floats, until: Callable[[], bool] | None = None, carries: bool = False) -> bool:
-        """The arm follows a path (m, k); False if `until` became true on the way, where the arm then stays."""
+    def follow(
+        self, path: Floats, until: Callable[[], bool] | None = None, carries: bool = False
+    ) -> bool:
+        """The arm follows a path (m, k); False if `until` became true on the way, where the arm
+        then stays.
+        """
         mounted = self.scene.cell.arms[self.arm]
         factor = CARRY_FACTOR if carries else EMPTY_FACTOR
         leg = StepLeg(LegKind.WAY, self.arm, path, corners_s(mounted.arm, path, factor), True)
@@ -88,7 +95,9 @@ class MujocoCell:
         return until is None or not until()
 
     def aim(self, q: Floats, ahead: Floats | float = 0.0) -> None:
-        """The arm is told to be at joint values (k,): its servos are aimed there, or so far `ahead` of it (k,) while it moves."""
+        """The arm is told to be at joint values (k,): its servos are aimed there, or so far
+        `ahead` of it (k,) while it moves.
+        """
         self.q = q
         for joint, value in zip(self.scene.cell.arms[self.arm].arm.joints, q + ahead, strict=True):
             self.stage.aim(f"{self.arm}/{joint.name}", float(value))
@@ -104,7 +113,9 @@ class MujocoCell:
         self.open_for(self.hand.wide)
 
     def close(self) -> float:
-        """The fingers close until they meet something, or each other; how far apart they are then (m)."""
+        """The fingers close until they meet something, or each other; how far apart they are
+        then (m).
+        """
         for seconds in self.hand.closing(self.stage):
             self.wait(seconds)
         return self.hand.width_m(self.stage)
@@ -138,13 +149,17 @@ class MujocoCell:
             return
         mass = float(model.body(self.load).mass[0])
         jacobian = np.zeros((3, model.nv))
-        mujoco.mj_jac(model, data, jacobian, None, data.body(self.load).xipos, model.body(HAND_BODY).id)
+        mujoco.mj_jac(
+            model, data, jacobian, None, data.body(self.load).xipos, model.body(HAND_BODY).id
+        )
         joints = self.scene.cell.arms[self.arm].arm.joints
         own = [int(model.joint(f"{self.arm}/{joint.name}").dofadr[0]) for joint in joints]
         data.qfrc_applied[own] = jacobian[2, own] * mass * GRAVITY_M_S2
 
     def permit(self, *others: str) -> None:
-        """What the hand, and what it holds, may touch from now on; every other contact is noted by the stage."""
+        """What the hand, and what it holds, may touch from now on; every other contact is noted
+        by the stage.
+        """
         self.stage.held = frozenset([self.load] if self.load else [])
         self.stage.allowed = frozenset(others)
 
@@ -157,7 +172,9 @@ class MujocoCell:
 
     def holds(self, part: str) -> bool:
         """Whether all fingers press on a part."""
-        pressing = {name for names, _ in self._touches() if part in names for name in names - {part}}
+        pressing = {
+            name for names, _ in self._touches() if part in names for name in names - {part}
+        }
         return pressing.issuperset(self.hand.fingers)
 
     def _touches(self) -> Iterator[tuple[frozenset[str], float]]:
@@ -166,16 +183,23 @@ class MujocoCell:
         for number in range(stage.data.ncon):
             contact = stage.data.contact[number]
             mujoco.mj_contactForce(stage.model, stage.data, number, force)
-            yield frozenset(body_of(stage.model, geom) for geom in contact.geom), abs(float(force[0]))
+            yield (
+                frozenset(body_of(stage.model, geom) for geom in contact.geom),
+                abs(float(force[0])),
+            )
 
 
 def _with_hand(scene: Scene, hand: MujocoHand) -> Cell:
-    """The scene's cell with the hand as bodies, some of which move; parts have the scene's density and friction."""
+    """The scene's cell with the hand as bodies, some of which move; parts have the scene's
+    density and friction.
+    """
     cell, arm = scene.cell, scene.hand.arm
     mounted = cell.arms[arm]
     bodies = {name: _with_mass(scene, body) for name, body in cell.bodies.items()}
     own = {body.name: body for body in hand.bodies(Placement(f"{arm}.flange", mounted.tool))}
-    near = {frozenset((body, f"{arm}.{link.name}")) for body in own for link in mounted.arm.links[-2:]}
+    near = {
+        frozenset((body, f"{arm}.{link.name}")) for body in own for link in mounted.arm.links[-2:]
+    }
     each_other = {frozenset((first, second)) for first in own for second in own if first != second}
     return replace(cell, bodies=bodies | own, allowed=cell.allowed | near | each_other)
 

@@ -1,7 +1,8 @@
 """Hands in MuJoCo: parallel jaws that mirror each other, and three fingers that close singly.
 
-A hand has drives that its fingers follow, each with a force; what it presses on decides where they stop. The last of its bodies to
-be told about is the palm, `HAND`, with the cross-piece and the sensor.
+A hand has drives that its fingers follow, each with a force; what it presses on decides where they
+stop. The last of its bodies to be told about is the palm, `HAND`, with the cross-piece and the
+sensor.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,7 +33,10 @@ MISSED_M = 0.002  # a finger that still closes so far beyond its place has met n
 
 
 class MujocoHand(Protocol):
-    """What of a gripper is in physics, and what it is told to do. Times pass in the shop, not here."""
+    """What of a gripper is in physics, and what it is told to do.
+
+    Times pass in the shop, not here.
+    """
 
     fingers: tuple[str, ...]
 
@@ -49,7 +53,9 @@ class MujocoHand(Protocol):
         ...
 
     def closing(self, stage: MujocoStage) -> Iterator[float]:
-        """Close on what is between the fingers: each item is for how long (s) to go on before the next aim."""
+        """Close on what is between the fingers: each item is for how long (s) to go on before
+        the next aim.
+        """
         ...
 
     def width_m(self, stage: MujocoStage) -> float:
@@ -115,10 +121,12 @@ class TwoJaws:
 
 @dataclass
 class ThreeClosing:
-    """Three fingers: the first goes to its place and stays, the others press what is between them against it.
+    """Three fingers: the first goes to its place and stays, the others press what is between them
+    against it.
 
-    The two others share the force so that it balances along the closing direction. When they have met the part, they
-    keep their places by springs about as stiff as gears, which press as hard as before.
+    The two others share the force so that it balances along the closing direction. When they have
+    met the part, they keep their places by springs about as stiff as gears, which press as hard as
+    before.
     """
 
     hand: ThreeFingers
@@ -132,11 +140,17 @@ class ThreeClosing:
         return (2 * most, most, most, most, self.opening[4] if self.opening else 0.0)
 
     def bodies(self, at: Placement) -> Iterator[Body]:
-        """The palm, the knuckles on which two fingers spread, and three round fingers that slide outwards on their ways."""
+        """The palm, the knuckles on which two fingers spread, and three round fingers that
+        slide outwards on their ways.
+        """
         hand = self.hand
         middles, halves = hand.blocks((0.0, 0.0, 0.0, 0.0, 0.0))
         yield Body(
-            HAND_BODY, BodyKind.TOOL, at, tuple(_box_shapes((middles[3:], halves[3:]))), mass_kg=PALM_KG
+            HAND_BODY,
+            BodyKind.TOOL,
+            at,
+            tuple(_box_shapes((middles[3:], halves[3:]))),
+            mass_kg=PALM_KG,
         )
         begins, _ = hand.ways(0.0)
         spread = max(hand.spreads_rad)
@@ -181,7 +195,9 @@ class ThreeClosing:
             stage.aim(name, opening[4])
 
     def closing(self, stage: MujocoStage) -> Iterator[float]:
-        """The first finger goes to its place, then the others until they meet something; then all press."""
+        """The first finger goes to its place, then the others until they meet something; then
+        all press.
+        """
         first, *other_fingers = self.fingers
         most = self.hand.opening_m + self.hand.clearance_m
         place = most - (self.opening[1] if self.opening else 0.0)
@@ -201,7 +217,10 @@ class ThreeClosing:
     def _led(
         self, stage: MujocoStage, fingers: Sequence[str], goal: float, force_n: float
     ) -> Iterator[float]:
-        """Fingers go on slowly until they are at a goal or have met something. Their aim is never farther ahead than they press."""
+        """Fingers go on slowly until they are at a goal or have met something.
+
+        Their aim is never farther ahead than they press.
+        """
         ahead, before = 2 * force_n / STIFF_N_M, {name: -np.inf for name in fingers}
         going = set(fingers)
         while going:
@@ -226,12 +245,17 @@ class ThreeClosing:
 
 def _box_shapes(blocks: tuple[Floats, Floats]) -> list[PlacedShape]:
     return [
-        PlacedShape(Box(tuple(2 * half)), Pose(tuple(middle))) for middle, half in zip(*blocks, strict=True)
+        PlacedShape(Box(tuple(2 * half)), Pose(tuple(middle)))
+        for middle, half in zip(*blocks, strict=True)
     ]
 
 
-def _finger_body(name: str, at: Placement, shape: PlacedShape, guide: Guide, friction: float) -> Body:
-    return Body(name, BodyKind.TOOL, at, (shape,), guide=guide, mass_kg=FINGER_KG, friction=friction)
+def _finger_body(
+    name: str, at: Placement, shape: PlacedShape, guide: Guide, friction: float
+) -> Body:
+    return Body(
+        name, BodyKind.TOOL, at, (shape,), guide=guide, mass_kg=FINGER_KG, friction=friction
+    )
 
 
 def _gear_drive(stage: MujocoStage, name: str, stiff: float, damped: float) -> None:

@@ -1,6 +1,7 @@
 """Grasps of a part: with which holds it can be taken where it lies and let go at its goal.
 
-A hold is a grasp with one of its turns. It is possible at a pose of the part where the hand meets nothing, and the arm reaches.
+A hold is a grasp with one of its turns. It is possible at a pose of the part where the hand meets
+nothing, and the arm reaches.
 """
 
 from collections.abc import Sequence
@@ -19,13 +20,19 @@ from cellwright.engine.ports import CollisionChecker, GeometryBackend, Gripper
 from cellwright.engine.stages.geometry.reach.arm_hand import ArmHand
 from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
-from cellwright.engine.stages.grasping.grasp_synthesis import blocks_meet, jaw_grasps, three_finger_grasps
+from cellwright.engine.stages.grasping.grasp_synthesis import (
+    blocks_meet,
+    jaw_grasps,
+    three_finger_grasps,
+)
 from cellwright.engine.stages.grasping.stable_placements import volume_and_centre
 from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose
 from cellwright.kb.model.cell_model import Body, BodyKind, Placement
 from cellwright.kb.model.part_scene import HandEntry, Scene
 
-HAND_BODY = "the_hand"  # the body that stands for the gripper; no file can name it so, since a scene's cell is checked for it
+# the body that stands for the gripper; no file can name it so, since a scene's cell is checked for
+# it
+HAND_BODY = "the_hand"
 HOLD_TURNS = 24
 HAND_BACK_OFF_M = 0.1  # how far the hand backs off
 FLIP_RAD = 0.4  # a joint that turns more between two near poses goes over to another posture
@@ -33,7 +40,9 @@ FLIP_RAD = 0.4  # a joint that turns more between two near poses goes over to an
 
 @dataclass(frozen=True, eq=False)
 class PartHolds:
-    """All holds of a part: its grasps, and for each hold the number of its grasp (h,) and the hand's pose T_part_hand."""
+    """All holds of a part: its grasps, and for each hold the number of its grasp (h,) and the
+    hand's pose T_part_hand.
+    """
 
     solid: Solid
     jaws: Gripper
@@ -51,7 +60,9 @@ class PartHolds:
         return np.concatenate([np.zeros((0, 4, 4)), *hold_poses])
 
     def clear(self, obstacles: Floats, which: Truths, back_m: tuple[float, ...] = (0.0,)) -> Truths:
-        """Which of some holds (h,) meet none of the triangles (m, 3, 3) in the part's frame, also backed off."""
+        """Which of some holds (h,) meet none of the triangles (m, 3, 3) in the part's frame,
+        also backed off.
+        """
         clear_holds = which.copy()
         numbers = np.array(self.grasp_of, dtype=int)
         for n, grasp in enumerate(self.grasps):
@@ -109,15 +120,21 @@ def part_holds(scene: Scene, solid: Solid) -> PartHolds:
     return PartHolds(solid, hand, tuple(grasps_found))
 
 
-def with_hand(world: GeometricWorld, scene: Scene, jaws: Gripper, opening: Sequence[float]) -> GeometricWorld:
-    """The world with the scene's gripper at the tool point, opened for a grasp, as a body that is checked, too."""
+def with_hand(
+    world: GeometricWorld, scene: Scene, jaws: Gripper, opening: Sequence[float]
+) -> GeometricWorld:
+    """The world with the scene's gripper at the tool point, opened for a grasp, as a body that
+    is checked, too.
+    """
     shapes = tuple(
         PlacedShape(Box(tuple(2 * half)), Pose(tuple(middle)))
         for middle, half in zip(*jaws.blocks(opening), strict=True)
     )
     arm = scene.hand.arm
     body = Body(HAND_BODY, BodyKind.TOOL, Placement(f"{arm}.tool"), shapes)
-    near = [frozenset((HAND_BODY, f"{arm}.{link.name}")) for link in world.cell.arms[arm].arm.links[-2:]]
+    near = [
+        frozenset((HAND_BODY, f"{arm}.{link.name}")) for link in world.cell.arms[arm].arm.links[-2:]
+    ]
     cell = replace(
         world.cell,
         bodies={**world.cell.bodies, HAND_BODY: body},
@@ -129,7 +146,9 @@ def with_hand(world: GeometricWorld, scene: Scene, jaws: Gripper, opening: Seque
 
 @dataclass(frozen=True, eq=False)
 class ArmReach:
-    """The arm of a scene in a world with a hand, and possibly a part in it: which poses of the hand it reaches."""
+    """The arm of a scene in a world with a hand, and possibly a part in it: which poses of the
+    hand it reaches.
+    """
 
     world: GeometricWorld
     arm: str
@@ -150,7 +169,9 @@ class ArmReach:
         return ArmHand(self.world, self.checker.scene, self.arm, tool)
 
     def configurations(self, T_world_hand: Floats, near: Floats) -> Floats:
-        """The free configurations (m, k) with the hand at a pose (4, 4), the nearest to `near` (k,) first."""
+        """The free configurations (m, k) with the hand at a pose (4, 4), the nearest to `near`
+        (k,) first.
+        """
         reached = self.hand.reaching(T_world_hand[None], near)[0]
         if not len(reached):
             return reached
@@ -158,13 +179,17 @@ class ArmReach:
         return free
 
     def line(self, T_world_hand: Floats, q: Floats, shift: Floats, steps: int = 6) -> Floats | None:
-        """Free configurations (steps + 1, k) from q (k,) on, while the hand moves straight by `shift` (3,); None if it cannot."""
+        """Free configurations (steps + 1, k) from q (k,) on, while the hand moves straight by
+        `shift` (3,); None if it cannot.
+        """
         poses = np.repeat(T_world_hand[None], steps + 1, axis=0)
         poses[:, :3, 3] += np.linspace(0, 1, steps + 1)[:, None] * shift
         return self.through(poses, q)
 
     def through(self, T_world_hand: Floats, q: Floats) -> Floats | None:
-        """Free configurations (m, k) from q (k,) on, at the first of some poses of the hand (m, 4, 4), through the others; None if it cannot."""
+        """Free configurations (m, k) from q (k,) on, at the first of some poses of the hand (m,
+        4, 4), through the others; None if it cannot.
+        """
         path = [q]
         for pose in T_world_hand[1:]:
             reached = self.hand.reaching(pose[None], path[-1])[0]

@@ -1,6 +1,7 @@
 """Peg and hole in MuJoCo: whether an insertion by a force sensor at the wrist works.
 
-The hand moves on three slides with servos; the wrist gives way to tilts like a spring. The hole is a ring of blocks.
+The hand moves on three slides with servos; the wrist gives way to tilts like a spring. The hole is
+a ring of blocks.
 """
 
 from dataclasses import dataclass
@@ -36,7 +37,9 @@ class RoundPeg:
 
 @dataclass(frozen=True, slots=True)
 class InsertionResult:
-    """How an insertion ended: whether the peg is in, after how many seconds, and with what greatest force in newtons."""
+    """How an insertion ended: whether the peg is in, after how many seconds, and with what
+    greatest force in newtons.
+    """
 
     phase: InsertionPhase
     seconds: float
@@ -47,10 +50,18 @@ def simulate_insertion(
     peg: RoundPeg, plan: Insertion, error: Floats, tilt_rad: float = 0.0, most_s: float = 60.0
 ) -> InsertionResult:
     """What comes of an insertion that begins at (2,) beside the hole, with a peg that leans."""
-    model = mujoco.MjModel.from_xml_string(_peg_xml(peg, plan.search is not HoleSearch.NONE, tilt_rad))
+    model = mujoco.MjModel.from_xml_string(
+        _peg_xml(peg, plan.search is not HoleSearch.NONE, tilt_rad)
+    )
     data = mujoco.MjData(model)
     data.qpos[:3] = [*error, 0.005]
-    now, force, worst, deepest, since = begin_insertion(data.qpos[:3].copy(), plan), 0.0, 0.0, np.inf, 0.0
+    now, force, worst, deepest, since = (
+        begin_insertion(data.qpos[:3].copy(), plan),
+        0.0,
+        0.0,
+        np.inf,
+        0.0,
+    )
     while data.time < most_s and now.phase not in (InsertionPhase.DONE, InsertionPhase.FAILED):
         now = advance_insertion(plan, now, data.qpos[:3].copy(), force, PEG_STEP_S * STEPS_PER_LOOK)
         _steer_servos(data, now, plan)

@@ -34,9 +34,18 @@ from cellwright.engine.pipelines.manipulation.part_grasps import (
     ArmReach,
     with_hand,
 )
-from cellwright.engine.pipelines.manipulation.place_answers import NotPlaced, PathLeg, PlaceAnswer, Placed
+from cellwright.engine.pipelines.manipulation.place_answers import (
+    NotPlaced,
+    PathLeg,
+    PlaceAnswer,
+    Placed,
+)
 from cellwright.engine.pipelines.manipulation.pose_uncertainty import brought_covariance as doubted
-from cellwright.engine.pipelines.manipulation.regrasp_paths import bring_part, most_vertical, possible_holds
+from cellwright.engine.pipelines.manipulation.regrasp_paths import (
+    bring_part,
+    most_vertical,
+    possible_holds,
+)
 from cellwright.engine.pipelines.manipulation.scene_camera import SceneView, look_for_parts
 from cellwright.engine.pipelines.manipulation.workspace import (
     AssemblySite,
@@ -54,23 +63,34 @@ from cellwright.kb.model.cell_model import Body
 from cellwright.kb.model.part_scene import SaidRelation, Scene
 
 
-def goal_of(scene: Scene, world: GeometricWorld, parts: Collection[str], base: str) -> AssemblyAnswer:
+def goal_of(
+    scene: Scene, world: GeometricWorld, parts: Collection[str], base: str
+) -> AssemblyAnswer:
     """The poses T_base_part with which all relations of some parts hold, and what is free in them.
 
-    Other bodies that the relations name stay where they are. Raises `InvalidInput` for unknown bodies and features, and where
-    nothing is said of a part.
+    Other bodies that the relations name stay where they are. Raises `InvalidInput` for unknown
+    bodies and features, and where nothing is said of a part.
     """
     for name in (*parts, base):
         if name not in world.cell.bodies:
             raise InvalidInput([unknown_name("body", name, world.cell.bodies, Source(name))])
     said_relations = [
-        relation for relation in scene.relations if {relation.first[0], relation.second[0]} & set(parts)
+        relation
+        for relation in scene.relations
+        if {relation.first[0], relation.second[0]} & set(parts)
     ]
     for part in parts:
         if not any(part in (relation.first[0], relation.second[0]) for relation in said_relations):
-            hint = f"write under `relations:` how {part} shall lie, such as: {part}.bottom against {base}.top"
+            hint = (
+                f"write under `relations:` how {part} shall lie, such as: {part}.bottom against "
+                f"{base}.top"
+            )
             raise InvalidInput(
-                [Diagnostic(Source(scene.name), "K005", f"no relation says where {part} belongs", hint)]
+                [
+                    Diagnostic(
+                        Source(scene.name), "K005", f"no relation says where {part} belongs", hint
+                    )
+                ]
             )
     try:
         starts = {part: world.pose(base, part) for part in parts}
@@ -81,19 +101,35 @@ def goal_of(scene: Scene, world: GeometricWorld, parts: Collection[str], base: s
         )
     except ValueError as error:
         raise InvalidInput(
-            [Diagnostic(said_relations[0].where, "K005", str(error), "relate features of two bodies")]
+            [
+                Diagnostic(
+                    said_relations[0].where, "K005", str(error), "relate features of two bodies"
+                )
+            ]
         ) from None
 
 
-def _bind_relation(said: SaidRelation, world: GeometricWorld, moving: Collection[str], base: str) -> Relation:
-    ends = [_named_feature(body, name, said, world, moving, base) for body, name in (said.first, said.second)]
+def _bind_relation(
+    said: SaidRelation, world: GeometricWorld, moving: Collection[str], base: str
+) -> Relation:
+    ends = [
+        _named_feature(body, name, said, world, moving, base)
+        for body, name in (said.first, said.second)
+    ]
     return Relation(RelationKind(said.kind), ends[0], ends[1], said.value, said.preferred)
 
 
 def _named_feature(
-    body: str, name: str, said: SaidRelation, world: GeometricWorld, moving: Collection[str], base: str
+    body: str,
+    name: str,
+    said: SaidRelation,
+    world: GeometricWorld,
+    moving: Collection[str],
+    base: str,
 ) -> PartFeature:
-    """A named feature: of what is placed in its own frame, of any other body in the frame of the base."""
+    """A named feature: of what is placed in its own frame, of any other body in the frame of
+    the base.
+    """
     known_features = body_features(world.cell.bodies[body])
     if name not in known_features:
         raise InvalidInput([unknown_name(f"feature of {body}", name, known_features, said.where)])
@@ -106,12 +142,16 @@ def _named_feature(
 
 
 def body_features(body: Body) -> dict[str, PartFeature]:
-    """The features of a body by name: faces, edges and vertices, the axes and ends of cylinders, and its named poses.
+    """The features of a body by name: faces, edges and vertices, the axes and ends of cylinders,
+    and its named poses.
 
-    A pose counts as the line along its z axis. With several shapes, names that two of them have begin with `shape_2.` and so on.
+    A pose counts as the line along its z axis. With several shapes, names that two of them have
+    begin with `shape_2.` and so on.
     """
     listed = [
-        (n, feature) for n, placed in enumerate(body.shapes, 1) for feature in _of_shape(body.name, placed)
+        (n, feature)
+        for n, placed in enumerate(body.shapes, 1)
+        for feature in _of_shape(body.name, placed)
     ]
     names = [feature.name for _, feature in listed]
     features = {
@@ -137,7 +177,8 @@ def _of_shape(body: str, placed: PlacedShape) -> Sequence[PartFeature]:
         for name, ends in own.edges.items()
     ]
     points = [
-        PartFeature(body, name, FeatureKind.POINT, at, np.zeros(3)) for name, at in own.vertices.items()
+        PartFeature(body, name, FeatureKind.POINT, at, np.zeros(3))
+        for name, at in own.vertices.items()
     ]
     return [*faces, *edges, *points]
 
@@ -169,7 +210,10 @@ def place_part(
     image: Floats | None = None,
     manner: MotionManner = ANY_WAY,
 ) -> tuple[PlaceAnswer, SceneView | None]:
-    """The way of a part to where the relations say, and what was seen. Raises `InvalidInput` for names that are not there."""
+    """The way of a part to where the relations say, and what was seen.
+
+    Raises `InvalidInput` for names that are not there.
+    """
     world = GeometricWorld.of(scene.cell)
     goal = goal_of(scene, world, (part,), base)
     if isinstance(goal, RelationContradiction):
@@ -180,13 +224,17 @@ def place_part(
         return not_seen_answer(part, sighting), looked
     T_goal = world.pose("world", base) @ goal.poses[part]
     T_start = likeliest_pose(sighting, looked.T_world_camera, T_goal)
-    task = AssemblySite.of(scene, world, looked, {part: T_start}, manner).task(part, (T_start, T_goal))
+    task = AssemblySite.of(scene, world, looked, {part: T_start}, manner).task(
+        part, (T_start, T_goal)
+    )
     at, carries = bring_part(task, world.configuration)
     if isinstance(carries, NotPlaced):
         return carries, looked
     counts = (len(task.holds.poses), int(at[0].sum()), int(at[1].sum()))
     holds = task.holds
-    taken = tuple((holds.poses[n], holds.grasps[holds.grasp_of[n]].width_m) for n in np.nonzero(at[0])[0])
+    taken = tuple(
+        (holds.poses[n], holds.grasps[holds.grasp_of[n]].width_m) for n in np.nonzero(at[0])[0]
+    )
     fit = insertion_of(task, doubted(sighting, carries, T_goal), carries[-1].T_part_hand)
     carries = (*carries[:-1], replace(carries[-1], insertion=fit))
     return Placed(goal, sighting, T_start, T_goal, counts, carries, taken), looked
@@ -194,7 +242,8 @@ def place_part(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SecondLook:
-    """What a second look shows, just before the part is taken: how far it was moved since (m, rad), and the plan from there on.
+    """What a second look shows, just before the part is taken: how far it was moved since (m, rad),
+    and the plan from there on.
 
     A plan that still holds is kept.
     """
@@ -206,7 +255,9 @@ class SecondLook:
 
 
 def look_again(scene: Scene, part: str, base: str, plan: Placed, image: Floats) -> SecondLook:
-    """The plan after a second look: the same if the part is where it was, else one from where it is now."""
+    """The plan after a second look: the same if the part is where it was, else one from where
+    it is now.
+    """
     world = GeometricWorld.of(scene.cell)
     looked = look_for_parts(scene, world, (part,), 0, image)
     sighting = looked.sightings[part]
@@ -226,7 +277,9 @@ def look_again(scene: Scene, part: str, base: str, plan: Placed, image: Floats) 
 def contradiction_answer(goal: RelationContradiction) -> NotPlaced:
     """What is said where relations contradict each other."""
     relations = ", ".join(map(str, goal.relations))
-    return NotPlaced("relations", f"these cannot hold together: {relations}", "leave one of them out", goal)
+    return NotPlaced(
+        "relations", f"these cannot hold together: {relations}", "leave one of them out", goal
+    )
 
 
 def not_seen_answer(part: str, sighting: NotLocated) -> NotPlaced:
@@ -236,14 +289,17 @@ def not_seen_answer(part: str, sighting: NotLocated) -> NotPlaced:
 
 
 def likeliest_pose(sighting: LocatedPart, T_world_camera: Floats, T_goal: Floats) -> Floats:
-    """T_world_part: of the poses that look the same, the one from which the part is turned least on its way to the goal.
+    """T_world_part: of the poses that look the same, the one from which the part is turned least on
+    its way to the goal.
 
     A turn about the vertical counts less than one that brings another side up.
     """
     poses = [T_world_camera @ T_camera_part for T_camera_part in sighting.equivalent]
     up = T_goal[2, :3]
     turn = [np.trace(T_goal[:3, :3].T @ T[:3, :3]) for T in poses]
-    best = max(range(len(poses)), key=lambda n: (round(float(poses[n][2, :3] @ up), 2), turn[n], -n))
+    best = max(
+        range(len(poses)), key=lambda n: (round(float(poses[n][2, :3] @ up), 2), turn[n], -n)
+    )
     return poses[best]
 
 
@@ -253,7 +309,9 @@ MAX_ALIGNED_HOLDS = 12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BroughtPart:
-    """The part is held where the relation holds: its pose in the world, what is still free in it, the grasp, and the legs."""
+    """The part is held where the relation holds: its pose in the world, what is still free in
+    it, the grasp, and the legs.
+    """
 
     goal: Assembled
     T_world_from: Floats
@@ -268,7 +326,10 @@ Portion: TypeAlias = BroughtPart | NotPlaced
 def bring_to_relation(
     scene: Scene, said: SaidRelation, seed: int = 0, image: Floats | None = None
 ) -> Portion:
-    """The motions that make one relation between a part and another body hold. Raises `InvalidInput` for unknown names."""
+    """The motions that make one relation between a part and another body hold.
+
+    Raises `InvalidInput` for unknown names.
+    """
     world, part, base = GeometricWorld.of(scene.cell), said.first[0], said.second[0]
     only = replace(scene, relations=(said,))
     goal_of(only, world, (part,), base)  # names are refused before anything is looked for
@@ -288,13 +349,17 @@ def bring_to_relation(
     for hold in islice(most_vertical(task, serving_which), MAX_ALIGNED_HOLDS):
         legs = _held_out(task, hold, world.configuration)
         if legs is not None:
-            return BroughtPart(goal, T_start, T_goal, task.holds.grasps[task.holds.grasp_of[hold]], legs)
+            return BroughtPart(
+                goal, T_start, T_goal, task.holds.grasps[task.holds.grasp_of[hold]], legs
+            )
     reason = f"no grasp with which {part} can be taken brings it to where the relation holds"
     return NotPlaced("motion", reason, "relate it to something that the arm reaches better")
 
 
 def _held_out(task: PlaceTask, hold: int, near: Floats) -> tuple[PathLeg, ...] | None:
-    """The legs that take the part with a hold and bring it to the task's goal, where it stays in the hand; None if there are none."""
+    """The legs that take the part with a hold and bring it to the task's goal, where it stays
+    in the hand; None if there are none.
+    """
     arm, T = task.scene.hand.arm, task.holds.poses[hold]
     opening = task.holds.grasps[task.holds.grasp_of[hold]].opening
     world = with_hand(task.world, task.scene, task.holds.jaws, opening)
@@ -308,7 +373,11 @@ def _held_out(task: PlaceTask, hold: int, near: Floats) -> tuple[PathLeg, ...] |
     for q in end_configurations(empty, start, near):
         taken = empty.line(start, q, -HAND_BACK_OFF_M * start[:3, 2])
         lifted = full.line(start, q, np.array([0.0, 0.0, LIFT_M]))
-        if taken is None or lifted is None or (first := gross_motion(above, near, taken[-1])) is None:
+        if (
+            taken is None
+            or lifted is None
+            or (first := gross_motion(above, near, taken[-1])) is None
+        ):
             continue
         for end in end_configurations(free, goal, lifted[-1]):
             if (second := gross_motion(free, lifted[-1], end)) is not None:

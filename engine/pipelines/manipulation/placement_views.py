@@ -12,7 +12,11 @@ from cellwright.engine.model.motion_values import LegKind
 from cellwright.engine.model.motion_values import StepLeg as Move
 from cellwright.engine.pipelines.manipulation.part_grasps import HAND_BODY, gripper_of
 from cellwright.engine.pipelines.manipulation.place_answers import Carry, Placed
-from cellwright.engine.pipelines.manipulation.regrasp_paths import possible_holds, serving_holds, table_rests
+from cellwright.engine.pipelines.manipulation.regrasp_paths import (
+    possible_holds,
+    serving_holds,
+    table_rests,
+)
 from cellwright.engine.pipelines.manipulation.workspace import PlaceTask
 from cellwright.engine.pipelines.motion.arm_progress import corners_s
 from cellwright.engine.pipelines.motion.step_film import FilmShot
@@ -26,10 +30,11 @@ START, GOAL = "start", "goal"
 
 @dataclass(frozen=True, slots=True)
 class RegraspGraph:
-    """`holds` counts the holds that serve at the start, at the goal, and where the part lies on a facet at its best turn there.
+    """`holds` counts the holds that serve at the start, at the goal, and where the part lies on a
+    facet at its best turn there.
 
-    `ways` counts the holds that serve at both of two, and `taken` are the places of the plan from the start to the goal.
-    Whether the arm reaches is asked at the start and at the goal only.
+    `ways` counts the holds that serve at both of two, and `taken` are the places of the plan from
+    the start to the goal. Whether the arm reaches is asked at the start and at the goal only.
     """
 
     holds: Mapping[str, int]
@@ -42,11 +47,15 @@ def regrasp_graph(task: PlaceTask, placed: Placed) -> RegraspGraph:
     lying = list(table_rests(task))
     names = [START, *(rest.facet for rest, _ in lying), GOAL]
     table = serving_holds(task, [T for _, T in lying])
-    serves = np.column_stack([possible_holds(task, task.T_start), table, possible_holds(task, task.T_goal)])
+    serves = np.column_stack(
+        [possible_holds(task, task.T_start), table, possible_holds(task, task.T_goal)]
+    )
     holds = {name: int(serves[:, _places_named(names, name)].sum(axis=0).max()) for name in names}
     common = serves.astype(np.int64).T @ serves.astype(np.int64)
     ways = {
-        (start, end): int(common[np.ix_(_places_named(names, start), _places_named(names, end))].max())
+        (start, end): int(
+            common[np.ix_(_places_named(names, start), _places_named(names, end))].max()
+        )
         for start, end in combinations(dict.fromkeys(names), 2)
     }
     taken = (START, *(carry.rest.removeprefix("on ") for carry in placed.carries))
@@ -90,7 +99,9 @@ def _follow_path(world: GeometricWorld, arm: str, path: Floats) -> Iterator[tupl
         yield at, leg.at(at)
 
 
-def _world_with_part(world: GeometricWorld, arm: str, part: str, carry: Carry, takes: bool) -> GeometricWorld:
+def _world_with_part(
+    world: GeometricWorld, arm: str, part: str, carry: Carry, takes: bool
+) -> GeometricWorld:
     """The part in the hand, or put down."""
     if takes:
         return world.put(part, f"{arm}.tool", inverse(carry.T_part_hand))
@@ -102,7 +113,9 @@ def _with_blocks(scene: Scene) -> Cell:
     arm, gripper = scene.hand.arm, gripper_of(scene)
     _, halves = gripper.blocks((0.0,) * 5)
     blocks = {
-        name: Body(name, BodyKind.TOOL, Placement(f"{arm}.tool"), (PlacedShape(Box(tuple(2 * half))),))
+        name: Body(
+            name, BodyKind.TOOL, Placement(f"{arm}.tool"), (PlacedShape(Box(tuple(2 * half))),)
+        )
         for n, half in enumerate(halves)
         for name in [f"{HAND_BODY}_{n}"]
     }

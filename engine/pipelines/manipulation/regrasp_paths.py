@@ -12,7 +12,11 @@ from cellwright.engine.model.manipulation_values import RegraspAnswer, Regrasps,
 from cellwright.engine.model.manipulation_values import TablePlacement as Lying
 from cellwright.engine.pipelines.manipulation.carry_paths import carry_part, through_unknown
 from cellwright.engine.pipelines.manipulation.clearance import no_room
-from cellwright.engine.pipelines.manipulation.part_grasps import HAND_BACK_OFF_M, ArmReach, with_hand
+from cellwright.engine.pipelines.manipulation.part_grasps import (
+    HAND_BACK_OFF_M,
+    ArmReach,
+    with_hand,
+)
 from cellwright.engine.pipelines.manipulation.place_answers import Carry, NotPlaced
 from cellwright.engine.pipelines.manipulation.workspace import HandApproachKind, PlaceTask
 from cellwright.engine.stages.grasping.stable_placements import (
@@ -30,7 +34,8 @@ Ways = tuple[Carry, ...] | NotPlaced
 
 
 def possible_holds(task: PlaceTask, T_world_part: Floats) -> Truths:
-    """Which holds (h,) are possible with the part at a pose: the hand meets nothing, and the arm reaches.
+    """Which holds (h,) are possible with the part at a pose: the hand meets nothing, and the arm
+    reaches.
 
     A hand that comes straight must be free backed off, too.
     """
@@ -46,12 +51,16 @@ def _back_offs(task: PlaceTask) -> tuple[float, ...]:
 
 
 def bring_part(task: PlaceTask, near: Floats) -> tuple[Ends, Ways]:
-    """The holds that are possible at both ends, and the fewest carries from one end to the other, from a configuration (k,) on.
+    """The holds that are possible at both ends, and the fewest carries from one end to the other,
+    from a configuration (k,) on.
 
-    Hands that come straight are tried first; where they do not serve, hands that come round what stands there.
+    Hands that come straight are tried first; where they do not serve, hands that come round what
+    stands there.
     """
     coming = task.manner.coming
-    for manner in (HandApproachKind.STRAIGHT, coming) if coming is HandApproachKind.COMPLETE else (coming,):
+    for manner in (
+        (HandApproachKind.STRAIGHT, coming) if coming is HandApproachKind.COMPLETE else (coming,)
+    ):
         now = replace(task, manner=replace(task.manner, coming=manner))
         at = possible_holds(now, task.T_start), possible_holds(now, task.T_goal)
         carries = direct_carry(now, at, near)
@@ -63,9 +72,13 @@ def bring_part(task: PlaceTask, near: Floats) -> tuple[Ends, Ways]:
 
 
 def reached_holds(task: PlaceTask, T_world_part: Floats, which: Truths) -> Truths:
-    """Which of some holds (h,) the arm reaches without touching anything, with the part at a pose."""
+    """Which of some holds (h,) the arm reaches without touching anything, with the part at a
+    pose.
+    """
     within_reach = which.copy()
-    openings = [tuple(round(x, 6) for x in task.holds.grasps[n].opening) for n in task.holds.grasp_of]
+    openings = [
+        tuple(round(x, 6) for x in task.holds.grasps[n].opening) for n in task.holds.grasp_of
+    ]
     world = task.crowded.put(task.part, "world", T_world_part)
     for opening in sorted(
         {hold_opening for hold_opening, asked in zip(openings, which, strict=True) if asked}
@@ -78,10 +91,13 @@ def reached_holds(task: PlaceTask, T_world_part: Floats, which: Truths) -> Truth
 
 
 def _any_free(reach: ArmReach, T_world_hand: Floats) -> Truths:
-    """For which poses of the hand (n, 4, 4) one of the nearest configurations touches nothing (n,)."""
+    """For which poses of the hand (n, 4, 4) one of the nearest configurations touches nothing
+    (n,).
+    """
     near = reach.world.configuration
     every = [
-        configurations[:NEAREST_CONFIGURATIONS] for configurations in reach.hand.reaching(T_world_hand, near)
+        configurations[:NEAREST_CONFIGURATIONS]
+        for configurations in reach.hand.reaching(T_world_hand, near)
     ]
     whole = np.concatenate([np.zeros((0, len(near))), *every])
     free = ~reach.checker.collides(whole) if len(whole) else np.zeros(0, dtype=bool)
@@ -96,7 +112,8 @@ def _any_free(reach: ArmReach, T_world_hand: Floats) -> Truths:
 
 
 def direct_carry(task: PlaceTask, ends: Ends, near: Floats) -> Ways:
-    """One carry with a hold that serves both ends, from a configuration (k,) on; the most vertical holds come first.
+    """One carry with a hold that serves both ends, from a configuration (k,) on; the most vertical
+    holds come first.
 
     The answer's step is `hold` where each end has holds, and none serves both.
     """
@@ -136,7 +153,8 @@ def most_vertical(task: PlaceTask, which: Truths) -> Iterator[int]:
 def carry_with_regrasps(task: PlaceTask, ends: Ends, near: Floats) -> Ways:
     """The fewest carries over placements on the free place, at least one of them.
 
-    Where the motions of a sequence are not found, the next one goes without the hold that could not be brought to its end.
+    Where the motions of a sequence are not found, the next one goes without the hold that could not
+    be brought to its end.
     """
     if (lacking := _no_hold(task, ends)) is not None:
         return lacking
@@ -151,7 +169,10 @@ def carry_with_regrasps(task: PlaceTask, ends: Ends, near: Floats) -> Ways:
         carries, answer = _regrasp_carries(task, regrasp_answer, lying, near)
         if answer is None:
             return carries
-        hold, ban = ([regrasp_answer.first, *(n for _, n in regrasp_answer.then)][len(carries)], len(carries))
+        hold, ban = (
+            [regrasp_answer.first, *(n for _, n in regrasp_answer.then)][len(carries)],
+            len(carries),
+        )
         if ban < len(regrasp_answer.then):
             table[hold, regrasp_answer.then[ban][0]] = False
         else:
@@ -161,13 +182,18 @@ def carry_with_regrasps(task: PlaceTask, ends: Ends, near: Floats) -> Ways:
 
 
 def _not_reached_answer(unplaceable: Unplaceable) -> NotPlaced:
-    reason = f"of {len(unplaceable.needed)} grasps that serve the goal, none is reached by any sequence of placements"
+    reason = (
+        f"of {len(unplaceable.needed)} grasps that serve the goal, none is reached by any "
+        "sequence of placements"
+    )
     hint = "give another free place as `table`, or relate the part otherwise"
     return NotPlaced("regrasp", reason, hint)
 
 
 def table_rests(task: PlaceTask) -> Iterator[tuple[Lying, Floats]]:
-    """Placements of the part on the scene's table at some turns, with the part's pose in the world."""
+    """Placements of the part on the scene's table at some turns, with the part's pose in the
+    world.
+    """
     solid = task.holds.solid
     for placement in stable_placements(solid, volume_and_centre(solid)[1]):
         for turn in np.arange(PLACEMENT_TURNS) * 2 * np.pi / PLACEMENT_TURNS:
@@ -178,10 +204,12 @@ def table_rests(task: PlaceTask) -> Iterator[tuple[Lying, Floats]]:
 def fewest_regrasps(
     task: PlaceTask, ends: Ends, T_world_part: Sequence[Floats], table: Truths
 ) -> RegraspAnswer:
-    """The fewest regrasps, at least one, over rests of the part at r poses; `table` (h, r) is what `serving` says of them.
+    """The fewest regrasps, at least one, over rests of the part at r poses; `table` (h, r) is what
+    `serving` says of them.
 
-    Whether the arm reaches is asked only at the rests of a sequence that is free otherwise, and noted in the table. Until it is
-    asked, all count as reached. So no sequence of fewer rests is overlooked.
+    Whether the arm reaches is asked only at the rests of a sequence that is free otherwise, and
+    noted in the table. Until it is asked, all count as reached. So no sequence of fewer rests is
+    overlooked.
     """
     asked: set[int] = set()
     while True:

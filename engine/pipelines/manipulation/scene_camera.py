@@ -25,7 +25,9 @@ KNOWN_SIGMAS = 4.0  # of the noise: what is nearer to the known scene is that
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneView:
-    """An image, where the camera was (T_world_camera), what is known in it, and what was found of each part."""
+    """An image, where the camera was (T_world_camera), what is known in it, and what was found
+    of each part.
+    """
 
     image: DepthImage
     T_world_camera: Floats
@@ -61,16 +63,27 @@ def camera_pose(scene: Scene, world: GeometricWorld) -> Floats:
 def depth_image(
     scene: Scene, world: GeometricWorld, camera: DepthCamera, without: Collection[str] = ()
 ) -> DepthImage:
-    """What a camera at the scene's place sees of the bodies of a world, without error and without the arms."""
+    """What a camera at the scene's place sees of the bodies of a world, without error and
+    without the arms.
+    """
     T = inverse(camera_pose(scene, world))
-    shown = [body for name, body in world.cell.bodies.items() if name not in without and body.shapes]
-    return render_depths([(solid_of(body), T @ world.pose("world", body.name)) for body in shown], camera)[0]
+    shown = [
+        body for name, body in world.cell.bodies.items() if name not in without and body.shapes
+    ]
+    return render_depths(
+        [(solid_of(body), T @ world.pose("world", body.name)) for body in shown], camera
+    )[0]
 
 
 def look_for_parts(
-    scene: Scene, world: GeometricWorld, parts: Sequence[str], seed: int, given: Floats | None = None
+    scene: Scene,
+    world: GeometricWorld,
+    parts: Sequence[str],
+    seed: int,
+    given: Floats | None = None,
 ) -> SceneView:
-    """Parts as they are found in an image: one `given` (height, width) in metres, else one made from the scene.
+    """Parts as they are found in an image: one `given` (height, width) in metres, else one made
+    from the scene.
 
     Known are all bodies but the parts and the clutter. The floor is the plane of the scene's table.
     """
@@ -81,11 +94,14 @@ def look_for_parts(
     else:
         image = correct_depths(scene, given)
     known_depth = depth_image(scene, world, camera, {*parts, *scene.clutter}).depth
-    same = (known_depth > 0) & (np.abs(image.depth - known_depth) < KNOWN_SIGMAS * max(image.noise_m, 1e-6))
+    same = (known_depth > 0) & (
+        np.abs(image.depth - known_depth) < KNOWN_SIGMAS * max(image.noise_m, 1e-6)
+    )
     T_world_camera = camera_pose(scene, world)
     ground = KnownScene(same, (table_plane(scene, world, T_world_camera),))
     sightings = {
-        part: locate_in_image(PartModel(solid_of(world.cell.bodies[part])), image, ground) for part in parts
+        part: locate_in_image(PartModel(solid_of(world.cell.bodies[part])), image, ground)
+        for part in parts
     }
     if scene.calibrated is not None:
         known_by = np.array(scene.calibrated.covariance)
@@ -113,18 +129,24 @@ def seen_edges(looked: SceneView) -> list[tuple[Floats, Floats]]:
 
 
 def correct_depths(scene: Scene, depth: Floats) -> DepthImage:
-    """What a sensor gave (height, width) in metres, with true depths as far as the range finder is calibrated."""
+    """What a sensor gave (height, width) in metres, with true depths as far as the range finder
+    is calibrated.
+    """
     calibrated, camera = scene.calibrated, camera_of(scene)
     if calibrated is None:
         return DepthImage(camera, depth, scene.camera.noise_m)
-    true = np.where(depth > 0, np.maximum((depth - calibrated.offset_m) / calibrated.scale, 0.0), 0.0)
+    true = np.where(
+        depth > 0, np.maximum((depth - calibrated.offset_m) / calibrated.scale, 0.0), 0.0
+    )
     return DepthImage(camera, true, calibrated.noise_m / calibrated.scale)
 
 
 def add_camera_doubt(
     sighting: Sighting, camera: DepthCamera, T_world_camera: Floats, covariance: Floats
 ) -> Sighting:
-    """A sighting that is less sure by what is doubted of the camera: `covariance` (9, 9) as in `CameraFound`."""
+    """A sighting that is less sure by what is doubted of the camera: `covariance` (9, 9) as in
+    `CameraFound`.
+    """
     if isinstance(sighting, NotLocated):
         return sighting
     x, y, z = p = sighting.best.T_camera_part[:3, 3]
@@ -156,10 +178,14 @@ class Seen:
     models: Mapping[str, PartModel]
 
 
-def recognised_in(scene: Scene, parts: Sequence[str], seed: int, given: Floats | None = None) -> Seen:
-    """The parts that are seen in an image: one `given` (height, width) in metres, else one made from the scene.
+def recognised_in(
+    scene: Scene, parts: Sequence[str], seed: int, given: Floats | None = None
+) -> Seen:
+    """The parts that are seen in an image: one `given` (height, width) in metres, else one made
+    from the scene.
 
-    `parts` are the candidates; without them all parts of the scene are. All other bodies stand where the scene says. Raises `InvalidInput`.
+    `parts` are the candidates; without them all parts of the scene are. All other bodies stand
+    where the scene says. Raises `InvalidInput`.
     """
     world, camera = GeometricWorld.of(scene.cell), camera_of(scene)
     own = [name for name, body in scene.cell.bodies.items() if body.kind is BodyKind.PART]

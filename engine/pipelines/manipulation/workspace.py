@@ -30,7 +30,9 @@ LOW_M = 0.004
 
 @dataclass(frozen=True, eq=False)
 class UnknownThings:
-    """What an image shows that is neither known nor one of the parts found, each with its T_camera_part."""
+    """What an image shows that is neither known nor one of the parts found, each with its
+    T_camera_part.
+    """
 
     looked: SceneView
     parts: tuple[tuple[Solid, Floats], ...]
@@ -40,7 +42,11 @@ class UnknownThings:
         """The pixels (height, width) that show it; single ones are noise."""
         camera, depth = self.looked.image.camera, self.looked.image.depth
         own = render_depths(self.parts, camera)[1] >= 0
-        shown = (depth > 0) & ~self.looked.ground.known & ~ndimage.binary_dilation(own, iterations=GROWN_PX)
+        shown = (
+            (depth > 0)
+            & ~self.looked.ground.known
+            & ~ndimage.binary_dilation(own, iterations=GROWN_PX)
+        )
         opened: Truths = shown & ndimage.binary_opening(shown, iterations=2)
         return opened
 
@@ -53,7 +59,9 @@ class UnknownThings:
 
     @cached_property
     def _lines(self) -> Floats:
-        """What it hides: lines of sight down to the floor, as triangles (m, 3, 3) without area in the camera's frame."""
+        """What it hides: lines of sight down to the floor, as triangles (m, 3, 3) without area
+        in the camera's frame.
+        """
         rays, first = self._points(SIGHT_STRIDE_PX)
         last = rays * np.maximum(_floor_depth(self.looked, rays), first[:, 2])[:, None]
         return np.stack([first, last, last], axis=1)
@@ -97,8 +105,9 @@ UNKNOWN_BODY = "unknown_things"  # the body that stands for all that is only see
 class HandApproachKind(StrEnum):
     """How the hand comes to a grasp.
 
-    `straight` is along its own axis. `complete` does so where it can, and else looks at all ways on a grid in the grasp plane.
-    By `potential` it is drawn by the grasp and pushed off by what stands around, as Handey's was, and may be stuck.
+    `straight` is along its own axis. `complete` does so where it can, and else looks at all ways on
+    a grid in the grasp plane. By `potential` it is drawn by the grasp and pushed off by what stands
+    around, as Handey's was, and may be stuck.
     """
 
     STRAIGHT = "straight"
@@ -119,10 +128,11 @@ USUAL_MANNER = MotionManner()
 
 @dataclass(frozen=True, eq=False)
 class PlaceTask:
-    """A part to be placed: the scene, the world as far as it is known, the part's pose found and its goal, and its holds.
+    """A part to be placed: the scene, the world as far as it is known, the part's pose found and
+    its goal, and its holds.
 
-    `crowded` is the world with all that is only seen, as columns. `solids` are the surfaces of bodies, `unknown` is what the
-    image shows beside them, `manner` how the hand is to come and go.
+    `crowded` is the world with all that is only seen, as columns. `solids` are the surfaces of
+    bodies, `unknown` is what the image shows beside them, `manner` how the hand is to come and go.
     """
 
     scene: Scene
@@ -138,10 +148,14 @@ class PlaceTask:
     manner: MotionManner = USUAL_MANNER
 
     def obstacles(self, T_world_part: Floats) -> Floats:
-        """All that is around a part when it is at a pose, as triangles (m, 3, 3) in its frame: bodies, and what is only seen."""
+        """All that is around a part when it is at a pose, as triangles (m, 3, 3) in its frame:
+        bodies, and what is only seen.
+        """
         back = inverse(T_world_part)
         points = [
-            apply(back @ self.world.pose("world", name), self.solids[name].vertices).reshape(-1, 3, 3)
+            apply(back @ self.world.pose("world", name), self.solids[name].vertices).reshape(
+                -1, 3, 3
+            )
             for name in self.world.cell.bodies
             if name != self.part and name in self.solids
         ]
@@ -150,7 +164,9 @@ class PlaceTask:
 
 @dataclass(frozen=True, eq=False)
 class AssemblySite:
-    """The scene, the world without its clutter, what was seen, and where parts were found: T_world_part by name."""
+    """The scene, the world without its clutter, what was seen, and where parts were found:
+    T_world_part by name.
+    """
 
     scene: Scene
     world: GeometricWorld
@@ -177,7 +193,9 @@ class AssemblySite:
     @cached_property
     def solids(self) -> dict[str, Solid]:
         """The surfaces of all bodies that have one, also of clutter."""
-        return {name: solid_of(body) for name, body in self.scene.cell.bodies.items() if body.shapes}
+        return {
+            name: solid_of(body) for name, body in self.scene.cell.bodies.items() if body.shapes
+        }
 
     @cached_property
     def unknown(self) -> UnknownThings:
@@ -206,12 +224,15 @@ class AssemblySite:
         others: Mapping[str, Floats] | None = None,
         absent: Collection[str] = (),
     ) -> PlaceTask:
-        """To move a part from one pose in the world to another, with other bodies at poses, and without those that are absent.
+        """To move a part from one pose in the world to another, with other bodies at poses, and
+        without those that are absent.
 
         Clutter that has a pose is known from then on.
         """
         world, others = without_bodies(self.world, absent), others or {}
-        met = {name: self.scene.cell.bodies[name] for name in others if name not in world.cell.bodies}
+        met = {
+            name: self.scene.cell.bodies[name] for name in others if name not in world.cell.bodies
+        }
         cell = replace(world.cell, bodies={**world.cell.bodies, **met})
         world = replace(world, cell=cell).put(part, "world", ends[0])
         for name, T in others.items():
@@ -238,5 +259,7 @@ def without_bodies(world: GeometricWorld, names: Collection[str]) -> GeometricWo
     if not names:
         return world
     bodies = {name: body for name, body in world.cell.bodies.items() if name not in names}
-    placed = {name: fixed for name, fixed in world.placed.items() if name.partition(".")[0] not in names}
+    placed = {
+        name: fixed for name, fixed in world.placed.items() if name.partition(".")[0] not in names
+    }
     return replace(world, cell=replace(world.cell, bodies=bodies), placed=placed)

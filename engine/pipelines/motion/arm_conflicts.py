@@ -8,9 +8,20 @@ from itertools import combinations
 import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.model.motion_values import LegKind, Meetings, MovedStep, SharedZone, StepLeg, StepPair
+from cellwright.engine.model.motion_values import (
+    LegKind,
+    Meetings,
+    MovedStep,
+    SharedZone,
+    StepLeg,
+    StepPair,
+)
 from cellwright.engine.ports import GeometryBackend
-from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene, SweptBoxes, common_boxes
+from cellwright.engine.stages.geometry.collision.planning_scene import (
+    PlanningScene,
+    SweptBoxes,
+    common_boxes,
+)
 from cellwright.engine.stages.geometry.world.collision_scene import scene_of_pairs
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.engine.stages.motion.path_proofs import ArmPath, arms_may_meet
@@ -35,17 +46,23 @@ class ArmRider:
             for support_name in world.supports(f"{arm}.base")[1:]
             if support_name in world.cell.bodies
         ]
-        moving = {body_name for body_name in below if world.cell.bodies[body_name].guide is not None}
+        moving = {
+            body_name for body_name in below if world.cell.bodies[body_name].guide is not None
+        }
         other_arms = {f"{name}." for name in world.cell.arms if name != arm}
         links = [f"{arm}.{link.name}" for link in world.cell.arms[arm].arm.links]
-        return (*links, *(body for body in world.cell.bodies if self._rides(body, moving, tuple(other_arms))))
+        return (
+            *links,
+            *(body for body in world.cell.bodies if self._rides(body, moving, tuple(other_arms))),
+        )
 
     def _rides(self, body: str, moving: set[str], other_arms: tuple[str, ...]) -> bool:
         chain = self.world.supports(body)
         if any(support_name.startswith(other_arms) for support_name in chain):
             return False
         return any(
-            support_name.startswith(f"{self.arm}.") or support_name in moving for support_name in chain
+            support_name.startswith(f"{self.arm}.") or support_name in moving
+            for support_name in chain
         )
 
     @cached_property
@@ -69,7 +86,9 @@ class ArmPassage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OccupiedSpace:
-    """What one arm does in one step: its passages, the last of which ends where it rests then; whether it rides along a rail."""
+    """What one arm does in one step: its passages, the last of which ends where it rests then;
+    whether it rides along a rail.
+    """
 
     step: StepId
     arm: str
@@ -80,7 +99,9 @@ class OccupiedSpace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepMoment:
-    """A step of the plan with the cell before and after it, with all arms, and its motion if it has one."""
+    """A step of the plan with the cell before and after it, with all arms, and its motion if it
+    has one.
+    """
 
     step: StepId
     before: GeometricWorld
@@ -107,7 +128,9 @@ def occupied_tracks(
 
 
 def passages_of(moment: StepMoment, arm: str, q: Floats) -> Iterator[ArmPassage]:
-    """Where an arm is in a step, from its configuration `q` (k,) on; at its end with what it holds then."""
+    """Where an arm is in a step, from its configuration `q` (k,) on; at its end with what it
+    holds then.
+    """
     assert moment.moved is not None
     before, after = ArmRider(moment.before, arm), ArmRider(moment.after, arm)
     yield ArmPassage(before, q[None])
@@ -117,13 +140,16 @@ def passages_of(moment: StepMoment, arm: str, q: Floats) -> Iterator[ArmPassage]
             body = _dragged_body(moment, arm)
             world_held = moment.before.moved(arm, leg.path[0])
             yield ArmPassage(
-                ArmRider(world_held.affix(body, f"{arm}.tool") if body else world_held, arm), leg.path
+                ArmRider(world_held.affix(body, f"{arm}.tool") if body else world_held, arm),
+                leg.path,
             )
         elif leg.kind is LegKind.CARRY:
             world_held = moment.before.moved(arm, leg.path[0])
             for body in leg.holding:
                 world_held = (
-                    world_held.affix(body, f"{arm}.tool") if body in world_held.cell.bodies else world_held
+                    world_held.affix(body, f"{arm}.tool")
+                    if body in world_held.cell.bodies
+                    else world_held
                 )
             yield ArmPassage(ArmRider(world_held, arm), leg.path)
         else:
@@ -139,11 +165,20 @@ def _legs_of_arm(legs: Sequence[StepLeg], arm: str) -> Iterator[StepLeg]:
 
 
 def _dragged_body(moment: StepMoment, arm: str) -> str:
-    """The body whose place along its joint a step changes, in whose place the arm is; empty if none."""
+    """The body whose place along its joint a step changes, in whose place the arm is; empty if
+    none.
+    """
     for name, body in moment.before.cell.bodies.items():
         moved = moment.before.placed[name].T_parent_frame, moment.after.placed[name].T_parent_frame
-        own = any(support_name.startswith(f"{arm}.") for support_name in moment.before.supports(name))
-        if body.guide is not None and not body.guide.follows and not own and not np.array_equal(*moved):
+        own = any(
+            support_name.startswith(f"{arm}.") for support_name in moment.before.supports(name)
+        )
+        if (
+            body.guide is not None
+            and not body.guide.follows
+            and not own
+            and not np.array_equal(*moved)
+        ):
             return name
     return ""
 
@@ -153,7 +188,10 @@ ARM_MARGIN_M = 0.005  # arms of different steps stay so far apart: servos lag
 
 @dataclass(eq=False)
 class ArmEncounters:
-    """What is known of two arms that pass each other. What was found for one plan serves the next."""
+    """What is known of two arms that pass each other.
+
+    What was found for one plan serves the next.
+    """
 
     backend: GeometryBackend
     _grounds: dict[tuple[str, Key, str, Key], PlanningScene] = field(default_factory=dict)
@@ -189,7 +227,8 @@ class ArmEncounters:
     def apart(
         self, first: tuple[ArmRider, Floats, Floats], second: tuple[ArmRider, Floats, Floats]
     ) -> tuple[Floats, Floats]:
-        """How far apart (m, at most 1) two arms are at configurations (n, k) of each taken together, and how far both move at most.
+        """How far apart (m, at most 1) two arms are at configurations (n, k) of each taken
+        together, and how far both move at most.
 
         The third of each says how much its joints turn (n, k).
         """
@@ -213,11 +252,15 @@ class ArmEncounters:
                         else world
                     )
             pairs = frozenset(frozenset((x, y)) for x in own for y in other_bodies)
-            self._grounds[key] = PlanningScene(self.backend.checker_of_few(scene_of_pairs(world, pairs)))
+            self._grounds[key] = PlanningScene(
+                self.backend.checker_of_few(scene_of_pairs(world, pairs))
+            )
         return self._grounds[key]
 
     def blocked(self, body: str, T_world_body: Floats, passage: ArmPassage) -> bool:
-        """Whether a body that stands somewhere is in the way of a passage, for all that is proved."""
+        """Whether a body that stands somewhere is in the way of a passage, for all that is
+        proved.
+        """
         rider = passage.rider
         if body in rider.bodies:
             return False
@@ -236,7 +279,9 @@ def _growth(by_m: float) -> Floats:
 
 
 def _all_joints(rider: ArmRider, path: Floats) -> Floats:
-    """Configurations of all joints (m, all) of which those of one arm (m, k) are given; the others are 0."""
+    """Configurations of all joints (m, all) of which those of one arm (m, k) are given; the
+    others are 0.
+    """
     world, first = rider.world, rider.world.first_carriers[rider.arm]
     whole = np.zeros((len(path), world.joints.count))
     whole[:, first : first + path.shape[1]] = path
@@ -254,7 +299,10 @@ class ArmMeetings:
 def find_meetings(
     moments: Sequence[StepMoment], before: frozenset[StepPair], encounters: ArmEncounters
 ) -> ArmMeetings:
-    """The meetings of a plan whose steps come in this order. `before` are pairs of steps that are in order anyway."""
+    """The meetings of a plan whose steps come in this order.
+
+    `before` are pairs of steps that are in order anyway.
+    """
     homes = moments[0].before.configurations if moments else {}
     own = occupied_tracks(moments, homes)
     arms = {moment.step: set(moment.arms) for moment in moments}
@@ -285,7 +333,9 @@ def find_meetings(
         looked += len(alone[first]) * len(alone[second])
         for arm, rival in ((first, second), (second, first)):
             joint = {occupied.step for occupied in own[arm] if rival in arms[occupied.step]}
-            rests |= set(_blocking_rests(encounters, arm, own[arm], alone[rival], moments[0], steps, joint))
+            rests |= set(
+                _blocking_rests(encounters, arm, own[arm], alone[rival], moments[0], steps, joint)
+            )
     orders = frozenset(_clearing_orders(moments, own, before, encounters))
     meetings = Meetings(
         {arm: tuple(occupied.step for occupied in track) for arm, track in own.items()},
@@ -301,13 +351,17 @@ def find_meetings(
 def _shared_space(encounters: ArmEncounters, first: OccupiedSpace, second: OccupiedSpace) -> Floats:
     """The space (n, 6) that two arms share in two steps, by the boxes around what they sweep."""
     mine, theirs = (
-        np.concatenate([encounters.boxes(p) for p in occupied.passages]) for occupied in (first, second)
+        np.concatenate([encounters.boxes(p) for p in occupied.passages])
+        for occupied in (first, second)
     )
     return common_boxes(mine, theirs + _growth(ARM_MARGIN_M))
 
 
 def _can_meet(
-    encounters: ArmEncounters, mine: Sequence[ArmPassage], theirs: Sequence[ArmPassage], rides: bool = False
+    encounters: ArmEncounters,
+    mine: Sequence[ArmPassage],
+    theirs: Sequence[ArmPassage],
+    rides: bool = False,
 ) -> bool:
     """Whether two arms can meet on some passages; an arm that rides on a rail is taken to."""
     return rides or any(encounters.meet(a, b) for a in mine for b in theirs)
@@ -324,7 +378,8 @@ def _blocking_rests(
 ) -> Iterator[tuple[str, StepId | None, StepId]]:
     """Where an arm rests in the way of another one's steps.
 
-    Where it rests after a step it was in the step, too; what that meets is known of the `steps`, but not of those of both arms (`joint`).
+    Where it rests after a step it was in the step, too; what that meets is known of the `steps`,
+    but not of those of both arms (`joint`).
     """
     home = ArmPassage(ArmRider(start.before, arm), start.before.configurations[arm][None])
     rests = [(None, home), *((occupied.step, occupied.rest) for occupied in track)]
@@ -338,7 +393,9 @@ def _blocking_rests(
 
 def _swept_box(encounters: ArmEncounters, track: Sequence[OccupiedSpace]) -> Floats:
     """A box (n, 6) around all that an arm sweeps in each step."""
-    boxes_of_steps = [np.concatenate([encounters.boxes(p) for p in occupied.passages]) for occupied in track]
+    boxes_of_steps = [
+        np.concatenate([encounters.boxes(p) for p in occupied.passages]) for occupied in track
+    ]
     boxes = [
         np.concatenate([step_boxes[:, :3].min(axis=0), step_boxes[:, 3:].max(axis=0)])
         for step_boxes in boxes_of_steps
@@ -358,7 +415,9 @@ def _clearing_orders(
     before: frozenset[StepPair],
     encounters: ArmEncounters,
 ) -> Iterator[StepPair]:
-    """Steps that put something in the way of a step of another arm, or take it away, stay in their order."""
+    """Steps that put something in the way of a step of another arm, or take it away, stay in
+    their order.
+    """
     rank = {moment_.step: n for n, moment_ in enumerate(moments)}
     for moment in moments:
         changes = list(_moved_bodies(moment))
@@ -369,12 +428,16 @@ def _clearing_orders(
                     continue
                 for body, was, now in changes:
                     T = was if first == moment.step else now
-                    if T is not None and any(encounters.blocked(body, T, p) for p in later_occupied.passages):
+                    if T is not None and any(
+                        encounters.blocked(body, T, p) for p in later_occupied.passages
+                    ):
                         yield first, second
 
 
 def _moved_bodies(moment: StepMoment) -> Iterator[tuple[str, Floats | None, Floats | None]]:
-    """The bodies that a step moves, and where each stands before and after it; None where it rides on an arm."""
+    """The bodies that a step moves, and where each stands before and after it; None where it
+    rides on an arm.
+    """
     for body in moment.before.cell.bodies:
         was, now = (_body_pose(world, body) for world in (moment.before, moment.after))
         if was is None and now is None:
@@ -405,7 +468,8 @@ def _shared_zones(meetings: Meetings, shared: dict[StepPair, Floats]) -> tuple[S
     for pair in sorted(meetings.steps):
         groups.setdefault(root(pair[0]), []).append(pair)
     return tuple(
-        _zone_of_pairs(f"shared_{n}", pairs, meetings, shared) for n, pairs in enumerate(groups.values(), 1)
+        _zone_of_pairs(f"shared_{n}", pairs, meetings, shared)
+        for n, pairs in enumerate(groups.values(), 1)
     )
 
 

@@ -30,7 +30,10 @@ from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
 from cellwright.engine.stages.geometry.reach.arm_hand import ArmHand
 from cellwright.engine.stages.geometry.reach.place_reachability import PlaceReachability
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.engine.stages.motion.path_planner import plan_path, try_path
 from cellwright.engine.stages.motion.path_refinement import refine_and_prove
 from cellwright.engine.stages.motion.timed_paths import JointLimits
@@ -39,7 +42,8 @@ from cellwright.kb.loader.cell import cell_of
 from cellwright.kb.model.cell_model import Place
 
 UNKNOWN_JOINT_SPEED = 1.0  # rad/s or m/s
-SWIFT_PER_S = 4.0  # 1/s: of a joint whose acceleration is unknown: full speed after a quarter of a second
+# 1/s: of a joint whose acceleration is unknown: full speed after a quarter of a second
+SWIFT_PER_S = 4.0
 ABRUPT_PER_S = 10.0  # 1/s: full acceleration after a tenth of a second
 
 
@@ -47,8 +51,8 @@ ABRUPT_PER_S = 10.0  # 1/s: full acceleration after a tenth of a second
 class MotionWish:
     """What is asked of a motion beside its ends.
 
-    `bridges` are the short cuts tried. With `direct` there are no straight lines out of places and into them. `tool` is in
-    hand where no place says what is.
+    `bridges` are the short cuts tried. With `direct` there are no straight lines out of places and
+    into them. `tool` is in hand where no place says what is.
     """
 
     margin_m: float = 0.0
@@ -67,8 +71,8 @@ class MotionWish:
 class ArmMotion:
     """A planned motion of one arm, in legs; configurations are those of all joints of the world.
 
-    `joints` names the arm's joints, `own` are their numbers in the world. `goal` names the end reached,
-    `start` (all joints,) is where the planner started, on `ground`, with `hand`.
+    `joints` names the arm's joints, `own` are their numbers in the world. `goal` names the end
+    reached, `start` (all joints,) is where the planner started, on `ground`, with `hand`.
     """
 
     world: GeometricWorld
@@ -84,7 +88,9 @@ class ArmMotion:
     hand: ArmHand
 
     def whole(self) -> Floats:
-        """The configurations (m, all joints) of the world on the path; none where there is no path."""
+        """The configurations (m, all joints) of the world on the path; none where there is no
+        path.
+        """
         if not self.legs:
             return np.zeros((0, self.world.joints.count))
         return np.concatenate([self.legs[0].path[:1], *(leg.path[1:] for leg in self.legs)])
@@ -108,7 +114,9 @@ def limits_of(world: GeometricWorld, arm: str) -> JointLimits:
     """What the arm's file says that its joints can do, and else what is assumed of them."""
     joints = world.models[arm].arm.joints
     speed = np.array([joint.speed or UNKNOWN_JOINT_SPEED for joint in joints])
-    rated = [joint.acceleration or SWIFT_PER_S * full for joint, full in zip(joints, speed, strict=True)]
+    rated = [
+        joint.acceleration or SWIFT_PER_S * full for joint, full in zip(joints, speed, strict=True)
+    ]
     return JointLimits(speed, np.array(rated), np.array(rated) * ABRUPT_PER_S)
 
 
@@ -131,7 +139,8 @@ def plan_named_motion(
 ) -> ArmMotion:
     """The motion from one end to one of several, each named as `end_of` says.
 
-    The tool of a place is in the hand all the way. Raises `InvalidInput` for what cannot be read, and for places out of reach.
+    The tool of a place is in the hand all the way. Raises `InvalidInput` for what cannot be read,
+    and for places out of reach.
     """
     begin, *arrive = _ends_of_motion(site, start, goals, wish)
     place = carried_place(begin, arrive, wish.tool)
@@ -159,7 +168,9 @@ def plan_named_motion(
     )
 
 
-def _ends_of_motion(site: MotionSite, start: str, goals: Sequence[str], wish: MotionWish) -> list[MotionEnd]:
+def _ends_of_motion(
+    site: MotionSite, start: str, goals: Sequence[str], wish: MotionWish
+) -> list[MotionEnd]:
     """The start, and then the goals; without approaches if the motion is to be direct."""
     tool = tool_of(wish.tool, site.world.cell)
     ends = [end_of(start, "--from", site.reach, site.world, tool)]
@@ -170,9 +181,16 @@ def _ends_of_motion(site: MotionSite, start: str, goals: Sequence[str], wish: Mo
 
 
 def _ends_departures(
-    site: MotionSite, hand: ArmHand, option: str, ends: Sequence[MotionEnd], now: Floats, limits: JointLimits
+    site: MotionSite,
+    hand: ArmHand,
+    option: str,
+    ends: Sequence[MotionEnd],
+    now: Floats,
+    limits: JointLimits,
 ) -> list[LegDepartures]:
-    """Where the free part of a motion may begin or end, for each end; what is soonest from `now` (own joints,) comes first."""
+    """Where the free part of a motion may begin or end, for each end; what is soonest from
+    `now` (own joints,) comes first.
+    """
     departures_found = []
     for end in ends:
         own = soonest_first(end.configurations, now, limits.speed)
@@ -183,11 +201,17 @@ def _ends_departures(
 
 
 def _search_starts(
-    ground: PlanningScene, hand: ArmHand, out: LegDepartures, ins: Sequence[LegDepartures], wish: MotionWish
+    ground: PlanningScene,
+    hand: ArmHand,
+    out: LegDepartures,
+    ins: Sequence[LegDepartures],
+    wish: MotionWish,
 ) -> tuple[int, PathQuery, Answer]:
-    """The number of a start, what was asked from there, and the answer: the first that is proved, else the best one.
+    """The number of a start, what was asked from there, and the answer: the first that is proved,
+    else the best one.
 
-    The first start has the whole budget, each further one a tenth of it. That no path exists counts if it holds for all.
+    The first start has the whole budget, each further one a tenth of it. That no path exists counts
+    if it holds for all.
     """
     answers: list[tuple[int, PathQuery, Answer]] = []
     for n, start in enumerate(out.configurations[:MAX_TRIED_LINES]):
@@ -199,7 +223,8 @@ def _search_starts(
             return n, query, answer
         answers.append((n, query, answer))
     return min(
-        answers, key=lambda candidate: (not isinstance(candidate[2], Moved), not _is_open(candidate[2]))
+        answers,
+        key=lambda candidate: (not isinstance(candidate[2], Moved), not _is_open(candidate[2])),
     )
 
 
@@ -208,7 +233,9 @@ def _is_open(answer: Answer) -> bool:
     return isinstance(answer, Blocked) and answer.severed is None
 
 
-def _motion_query(hand: ArmHand, start: Floats, ins: Sequence[LegDepartures], wish: MotionWish) -> PathQuery:
+def _motion_query(
+    hand: ArmHand, start: Floats, ins: Sequence[LegDepartures], wish: MotionWish
+) -> PathQuery:
     return PathQuery(
         start,
         np.concatenate([departure.configurations for departure in ins]),
@@ -229,7 +256,9 @@ def _answer_legs(
     ins: list[LegDepartures],
     reach: PlaceReachability,
 ) -> tuple[tuple[MotionLeg, ...], int]:
-    """The legs of an answer, from the line out of the start on, and the number of the end that is reached."""
+    """The legs of an answer, from the line out of the start on, and the number of the end that
+    is reached.
+    """
     if not isinstance(answer, Moved) or free is None:
         return (), 0
     n, goal = 0, answer.goal
@@ -246,9 +275,11 @@ def _answer_legs(
 
 
 def soonest_first(configurations: Floats, now: Floats, speed: Floats) -> Floats:
-    """The configurations (n, k), those first that the arm is at soonest, from where it is and at the speeds (k,) of its joints.
+    """The configurations (n, k), those first that the arm is at soonest, from where it is and at
+    the speeds (k,) of its joints.
 
-    Times that differ by rounding alone count as the same, so that the order does not depend on the processor.
+    Times that differ by rounding alone count as the same, so that the order does not depend on the
+    processor.
     """
     times = (np.abs(configurations - now) / speed).max(axis=1)
     ordered: Floats = configurations[np.argsort(np.round(times, 9), kind="stable")]

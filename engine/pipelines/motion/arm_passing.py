@@ -1,15 +1,22 @@
 """Schedules plans of several arms so that one goes first wherever they could collide.
 
-Each arm has found its ways without the others. Where steps of two arms can meet (`meetings`), one waits until the other has left.
-These orders become part of the plan, so the arms keep apart however long the steps take: who is late makes others wait. An arm
-that would rest in the way of another goes home, if that is quicker.
+Each arm has found its ways without the others. Where steps of two arms can meet (`meetings`), one
+waits until the other has left. These orders become part of the plan, so the arms keep apart however
+long the steps take: who is late makes others wait. An arm that would rest in the way of another
+goes home, if that is quicker.
 """
 
 import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from cellwright.engine.model.motion_values import MovedStep, PassingOrder, Sharing, StepPair, Unmoved
+from cellwright.engine.model.motion_values import (
+    MovedStep,
+    PassingOrder,
+    Sharing,
+    StepPair,
+    Unmoved,
+)
 from cellwright.engine.model.outcome import Infeasible
 from cellwright.engine.model.plan_times import plan_makespan
 from cellwright.engine.pipelines.motion.arm_conflicts import (
@@ -32,7 +39,9 @@ Lasting = Callable[[Plan, Sequence[MovedStep]], Plan]  # a plan with the times o
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PassingPlan:
-    """A plan in which the arms keep apart: its steps wait for each other, with their starts and motions."""
+    """A plan in which the arms keep apart: its steps wait for each other, with their starts and
+    motions.
+    """
 
     plan: Plan
     starts: Mapping[StepId, int]
@@ -53,18 +62,26 @@ def kept_apart(
     release: Mapping[StepId, int],
     start: Where | None = None,
 ) -> PassingPlan | str:
-    """The plan in which the arms keep apart, with the least makespan that is found; why there is none, if none is found.
+    """The plan in which the arms keep apart, with the least makespan that is found; why there is
+    none, if none is found.
 
     Arms begin where they rest, or where `start` has them.
     """
     first, where = _try_passing(walk, plan, lasting, encounters, release, start)
-    resting = frozenset(after for _, after, _ in where.meetings.rests if after is not None) if where else None
+    resting = (
+        frozenset(after for _, after, _ in where.meetings.rests if after is not None)
+        if where
+        else None
+    )
     if not resting or (
-        isinstance(first, PassingPlan) and first.makespan <= plan_makespan(lasting(plan, first.steps))
+        isinstance(first, PassingPlan)
+        and first.makespan <= plan_makespan(lasting(plan, first.steps))
     ):
         return first
     second, _ = _try_passing(walk, plan, lasting, encounters, release, start, resting)
-    if isinstance(second, str) or (isinstance(first, PassingPlan) and first.makespan <= second.makespan):
+    if isinstance(second, str) or (
+        isinstance(first, PassingPlan) and first.makespan <= second.makespan
+    ):
         return first
     return second
 
@@ -141,15 +158,20 @@ def _passing_plan(
 
 
 def _track_orders(tracks: Mapping[str, tuple[StepId, ...]]) -> frozenset[StepPair]:
-    return frozenset(pair for steps_of_arm in tracks.values() for pair in itertools.pairwise(steps_of_arm))
+    return frozenset(
+        pair for steps_of_arm in tracks.values() for pair in itertools.pairwise(steps_of_arm)
+    )
 
 
 def wait_for_orders(plan: Plan, starts: Mapping[StepId, int], orders: frozenset[StepPair]) -> Plan:
-    """The plan in the order of its starts, whose steps also wait as some orders ask; what follows from others is left out."""
+    """The plan in the order of its starts, whose steps also wait as some orders ask; what
+    follows from others is left out.
+    """
     rank = {step.id: n for n, step in enumerate(plan.steps)}
     ends = {step.id: starts[step.id] + step.duration for step in plan.steps}
     steps = sorted(
-        plan.steps, key=lambda step_entry: (starts[step_entry.id], ends[step_entry.id], rank[step_entry.id])
+        plan.steps,
+        key=lambda step_entry: (starts[step_entry.id], ends[step_entry.id], rank[step_entry.id]),
     )
     waits: dict[StepId, set[StepId]] = {step.id: set(step.after) for step in steps}
     for earlier, later in orders:

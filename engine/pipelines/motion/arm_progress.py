@@ -21,7 +21,9 @@ SWIFT, ABRUPT = 4.0, 10.0  # 1/s: acceleration of the full speed, jerk of the fu
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Front:
-    """The arm stands before a place, or in it; `straight` (m, k) is the way from the front into the place."""
+    """The arm stands before a place, or in it; `straight` (m, k) is the way from the front into
+    the place.
+    """
 
     place: str
     straight: Floats
@@ -80,7 +82,13 @@ class ArmsProgress:
         return front if front is not None and front.place == place.name else None
 
     def leg(
-        self, kind: LegKind, arm: str, path: Floats, room: CellState, proved: bool = True, factor: float = 1.0
+        self,
+        kind: LegKind,
+        arm: str,
+        path: Floats,
+        room: CellState,
+        proved: bool = True,
+        factor: float = 1.0,
     ) -> StepLeg:
         """A leg in the least time, within what the joints can do."""
         corners = corners_s(self.cell.arms[arm].arm, path, factor)
@@ -89,7 +97,9 @@ class ArmsProgress:
     def way(
         self, room: CellState, arm: str, goals: Floats, budget: int = PATH_BUDGET
     ) -> StepLeg | Blocked | None:
-        """The way from where the arm is to one of some configurations (n, k); None if start or goals are not free."""
+        """The way from where the arm is to one of some configurations (n, k); None if start or
+        goals are not free.
+        """
         world = room.world
         first, count = world.first_carriers[arm], world.models[arm].joints.count
         query = PathQuery(
@@ -110,7 +120,9 @@ class ArmsProgress:
         return answer if isinstance(answer, Blocked) else None
 
     def _by_rest(self, room: CellState, arm: str, query: PathQuery) -> Moved | None:
-        """The way over where the arm rests, which is open on most sides; None if there is none, or if the arm rests now."""
+        """The way over where the arm rests, which is open on most sides; None if there is none,
+        or if the arm rests now.
+        """
         home = room.whole(arm, self._home[arm][None])[0]
         if np.abs(home - query.start).max() < 1e-9:
             return None
@@ -125,14 +137,18 @@ class ArmsProgress:
 
 
 def corners_s(arm: Arm, path: Floats, factor: float = 1.0) -> Floats:
-    """When an arm is at each configuration of a path (m, k), in the least time within what a share of its joints' limits allows."""
+    """When an arm is at each configuration of a path (m, k), in the least time within what a
+    share of its joints' limits allows.
+    """
     return fastest_trajectory(path, limits_at(arm, factor)).corners_s
 
 
 def limits_at(arm: Arm, factor: float) -> JointLimits:
     """A share of what the joints of an arm can do."""
     speed = np.array([joint.speed or ASSUMED_SPEED for joint in arm.joints]) * factor
-    rated = np.array([joint.acceleration or SWIFT * (joint.speed or ASSUMED_SPEED) for joint in arm.joints])
+    rated = np.array(
+        [joint.acceleration or SWIFT * (joint.speed or ASSUMED_SPEED) for joint in arm.joints]
+    )
     rated = rated * factor
     return JointLimits(speed, rated, rated * ABRUPT)
 

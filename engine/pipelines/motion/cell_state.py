@@ -68,7 +68,8 @@ class CellState:
         return self.reach.whole(Place("", Placement(), arm), q)
 
     def poses(self, place: Place, now: Floats, back_m: float = 0.0) -> Floats:
-        """Configurations (n, k) that put the tool at a place, in any turn and branch, within the limits; the nearest first.
+        """Configurations (n, k) that put the tool at a place, in any turn and branch, within the
+        limits; the nearest first.
 
         What they touch is not looked at. With `back_m` the tool is so far back along its z.
         """
@@ -92,7 +93,9 @@ class CellState:
         return self.world.models[arm]
 
     def straight(self, place: Place, at: Floats, back_m: float) -> Floats | None:
-        """The straight way of the tool (m, k) from `back_m` before configuration `at` up to it; None if the arm cannot follow."""
+        """The straight way of the tool (m, k) from `back_m` before configuration `at` up to it;
+        None if the arm cannot follow.
+        """
         return self.straights(place, at[None], back_m)[0]
 
     def straights(self, place: Place, at: Floats, back_m: float) -> list[Floats | None]:
@@ -101,16 +104,20 @@ class CellState:
         T_flange_tool = self.reach.flange_to_end(place)
         away = np.zeros((count + 1, 3))
         away[:, 2] = -np.linspace(0.0, back_m, count + 1)
-        back = matmul(T_flange_tool, transforms.transform(np.eye(3)[None].repeat(count + 1, 0), away))
+        back = matmul(
+            T_flange_tool, transforms.transform(np.eye(3)[None].repeat(count + 1, 0), away)
+        )
         start = self._model(place.arm).flange_pose(at)
         lines = matmul(start[:, None], matmul(back, transforms.inverse(T_flange_tool))[None])
         paths = self.followed(place.arm, lines, at)
         return [None if path is None else np.ascontiguousarray(path[::-1]) for path in paths]
 
     def followed(self, arm: str, T_base_flange: Floats, at: Floats) -> list[Floats | None]:
-        """Configurations (m, k) on which the flange goes through poses (n, m, 4, 4), from configurations `at` (n, k) on.
+        """Configurations (m, k) on which the flange goes through poses (n, m, 4, 4), from
+        configurations `at` (n, k) on.
 
-        Corners that the straight line between their neighbours passes near enough are left out. None where the arm cannot follow.
+        Corners that the straight line between their neighbours passes near enough are left out.
+        None where the arm cannot follow.
         """
         paths, follows = self.tracked(arm, T_base_flange, at)
         is_kept = corners_within(self._model(arm), paths, T_base_flange)
@@ -120,7 +127,8 @@ class CellState:
         ]
 
     def tracked(self, arm: str, T_base_flange: Floats, at: Floats) -> tuple[Floats, Truths]:
-        """A configuration for each of the poses (n, m, 4, 4) of the flange, from configurations `at` (n, k) on, without a jump.
+        """A configuration for each of the poses (n, m, 4, 4) of the flange, from configurations
+        `at` (n, k) on, without a jump.
 
         Returns (n, m, k), and which of the rows (n,) the arm can follow.
         """
@@ -131,14 +139,17 @@ class CellState:
         paths, follows = np.repeat(at[:, None], length, axis=1), np.ones(count, dtype=bool)
         for n in range(1, length):
             near, inside = nearest_by_whole_turns(model, q[:, n], paths[:, n - 1, None])
-            away = np.where(inside & valid[:, n], np.abs(near - paths[:, n - 1, None]).max(axis=2), np.inf)
+            away = np.where(
+                inside & valid[:, n], np.abs(near - paths[:, n - 1, None]).max(axis=2), np.inf
+            )
             best = np.argmin(away, axis=1)
             follows &= away[np.arange(count), best] <= BRANCH_JUMP
             paths[:, n] = near[np.arange(count), best]
         return paths, follows
 
     def is_free(self, place: Place, path: Floats) -> bool:
-        """Whether nothing touches that must not, or deeper than it may, anywhere on a path (m, k) of the place's arm.
+        """Whether nothing touches that must not, or deeper than it may, anywhere on a path (m, k)
+        of the place's arm.
 
         The way back is as free as the way there.
         """
@@ -164,7 +175,9 @@ class CellState:
         return self._meetings[key]
 
     def collides(self, place: Place, q: Floats) -> Truths:
-        """Whether something touches that must not, or deeper than it may, for configurations (n, k)."""
+        """Whether something touches that must not, or deeper than it may, for configurations
+        (n, k).
+        """
         return self.reach.collides(place, self.whole(place.arm, q))
 
     def touching(self, place: Place, q: Floats) -> tuple[Contact, ...]:
@@ -175,8 +188,8 @@ class CellState:
 def corners_within(
     model: ArmModel, paths: Floats, poses: Floats, within_m: float = STRAIGHT_TOLERANCE_M
 ) -> Truths:
-    """Which corners of paths (n, m, k) are kept (n, m): the straight line of the joints from each to the next keeps the flange
-    within a distance of its poses (n, m, 4, 4).
+    """Which corners of paths (n, m, k) are kept (n, m): the straight line of the joints from each
+    to the next keeps the flange within a distance of its poses (n, m, 4, 4).
     """
     is_kept = np.zeros(paths.shape[:2], dtype=bool)
     is_kept[:, [0, -1]] = True
@@ -195,12 +208,15 @@ def corners_within(
     return is_kept
 
 
-RIDE_LOOKS = 65  # places of a ride at which contacts are looked for, before the whole ride is proved
+# places of a ride at which contacts are looked for, before the whole ride is proved
+RIDE_LOOKS = 65
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyRide:
-    """A body on its way from one value of its joint to another, in a scene whose first joint is that one."""
+    """A body on its way from one value of its joint to another, in a scene whose first joint is
+    that one.
+    """
 
     ground: PlanningScene
     first: float
@@ -209,16 +225,22 @@ class BodyRide:
     @classmethod
     def of(cls, room: CellState, body: str, first: float, last: float) -> "BodyRide":
         """The ride of a body in a room."""
-        return cls(PlanningScene(room.backend.checker(riding_scene_of(room.world, body))), first, last)
+        return cls(
+            PlanningScene(room.backend.checker(riding_scene_of(room.world, body))), first, last
+        )
 
     def touched(self, q: Floats) -> tuple[str, ...]:
-        """The bodies that touch somewhere on the ride while all arms rest at a configuration (k,); those of the first place."""
+        """The bodies that touch somewhere on the ride while all arms rest at a configuration
+        (k,); those of the first place.
+        """
         along = self._along(q, RIDE_LOOKS)
         hits = self.ground.collides(along)
         if not hits.any():
             return ()
         contacts = self.ground.contacts(along[int(np.argmax(hits))])
-        return tuple(sorted({name for contact in contacts for name in (contact.first, contact.second)}))
+        return tuple(
+            sorted({name for contact in contacts for name in (contact.first, contact.second)})
+        )
 
     def proved(self, q: Floats) -> bool:
         """Whether nothing touches anywhere on the ride."""
@@ -230,13 +252,17 @@ class BodyRide:
 
 
 def arms_of_step(cell: Cell, step: Function, operation: Operation | None) -> tuple[str, ...]:
-    """The arms that a step names, that its places belong to, or that its body carries; in the order of the cell."""
+    """The arms that a step names, that its places belong to, or that its body carries; in the
+    order of the cell.
+    """
     if len(cell.arms) == 1:
         return tuple(cell.arms)
     named = {str(argument) for argument in step.arguments}
     if operation is not None:
         ends = (
-            str(place_term) for place_term in (operation.at, operation.with_place) if place_term is not None
+            str(place_term)
+            for place_term in (operation.at, operation.with_place)
+            if place_term is not None
         )
         named |= {cell.places[place_name].arm for place_name in ends if place_name in cell.places}
         named |= set(_carried_arms(cell, operation.drives)) if operation.drives else set()

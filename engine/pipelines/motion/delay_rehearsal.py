@@ -27,10 +27,11 @@ PEAK_SPEED_RATIO = 15 / 8  # the greatest speed on a line from rest to rest, in 
 class ArmLines:
     """Lines (n,) of one arm with k joints; where it rests, a line leads nowhere.
 
-    `first` and `way` (n, k) are where a line begins and where it leads. The line belongs to a step by its place `number` in the track
-    of the arm, begins and ends so long after the step (`begins_s`, `ends_s`), unless it is a `rest` before the step. `rider` numbers what
-    moves with the arm (`riders`), and `step` is the number of the step, 0 for a rest between steps. `turned_before` (n, k)
-    is how much each joint has turned before the line.
+    `first` and `way` (n, k) are where a line begins and where it leads. The line belongs to a step
+    by its place `number` in the track of the arm, begins and ends so long after the step
+    (`begins_s`, `ends_s`), unless it is a `rest` before the step. `rider` numbers what moves with
+    the arm (`riders`), and `step` is the number of the step, 0 for a rest between steps.
+    `turned_before` (n, k) is how much each joint has turned before the line.
     """
 
     steps: tuple[StepId, ...]
@@ -92,7 +93,9 @@ class ArmLines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _ArmLine:
-    """A line before all of a course are put together; `step` is the number of the step, 0 for a rest before it."""
+    """A line before all of a course are put together; `step` is the number of the step, 0 for a
+    rest before it.
+    """
 
     number: int
     step: int
@@ -108,7 +111,9 @@ def courses_of(moments: Sequence[StepMoment]) -> dict[str, ArmLines]:
     if not moments:
         return {}
     world = moments[0].before
-    homes = {arm: ArmPassage(ArmRider(world, arm), q[None]) for arm, q in world.configurations.items()}
+    homes = {
+        arm: ArmPassage(ArmRider(world, arm), q[None]) for arm, q in world.configurations.items()
+    }
     moved = {moment.step: moment.moved for moment in moments}
     return {
         arm: _arm_lines(homes[arm], track, [moved[occupied.step] for occupied in track])
@@ -185,7 +190,9 @@ def _of_step(number: int, occupied: OccupiedSpace, moved: MovedStep) -> Iterator
             now += moved.takes_s
 
 
-def _of_leg(number: int, step: int, rider: ArmRider, leg: StepLeg, begins_s: float) -> Iterator[_ArmLine]:
+def _of_leg(
+    number: int, step: int, rider: ArmRider, leg: StepLeg, begins_s: float
+) -> Iterator[_ArmLine]:
     for n in range(len(leg.path) - 1):
         since, until = (begins_s + float(leg.corners_s[m]) for m in (n, n + 1))
         yield _ArmLine(number, step, rider, leg.path[n], leg.path[n + 1], since, until)
@@ -196,7 +203,9 @@ CHECKING_STEP = 1 / 32  # rad or m: how often the planner of motions looks
 
 @dataclass(frozen=True, slots=True)
 class RehearsalLooks:
-    """How many moments were decided, by how many looks, and how near two arms came at the least (m, at most 1)."""
+    """How many moments were decided, by how many looks, and how near two arms came at the least
+    (m, at most 1).
+    """
 
     moments: int
     looks: int
@@ -227,7 +236,9 @@ def delayed_begins(
 
 @dataclass(frozen=True)
 class DelayRehearsal:
-    """The steps of a plan with the cell before and after each, and what is known of arms that meet."""
+    """The steps of a plan with the cell before and after each, and what is known of arms that
+    meet.
+    """
 
     moments: Sequence[StepMoment]
     encounters: ArmEncounters
@@ -244,10 +255,11 @@ class DelayRehearsal:
         step: float = CHECKING_STEP / 100,
         least_m: float = 1.0,
     ) -> RehearsalLooks:
-        """Look at all arms so often that no joint moves by more than `step` (rad, m) between two moments.
+        """Look at all arms so often that no joint moves by more than `step` (rad, m) between two
+        moments.
 
-        Arms in one step are left out: their contact is meant, and proved when the step is planned. Where arms are farther apart than
-        `least_m`, nobody looks how far.
+        Arms in one step are left out: their contact is meant, and proved when the step is planned.
+        Where arms are farther apart than `least_m`, nobody looks how far.
         """
         looks = RehearsalLooks(0, 0, least_m)
         timed = {arm: course.begun(starts, until_s) for arm, course in self.courses.items()}
@@ -259,7 +271,9 @@ class DelayRehearsal:
 
 @dataclass(frozen=True)
 class _TwoArms:
-    """Two arms at once. Time is cut where either begins another line; moments are numbered through all pieces."""
+    """Two arms at once. Time is cut where either begins another line; moments are numbered
+    through all pieces.
+    """
 
     one: ArmLines
     other: ArmLines
@@ -294,7 +308,9 @@ class _TwoArms:
         return times
 
     def stretches(self) -> list[tuple[ArmRider, ArmRider, int, int]]:
-        """First and last moments of the stretches on which both arms carry the same, and are not in one step."""
+        """First and last moments of the stretches on which both arms carry the same, and are
+        not in one step.
+        """
         a, b = self.lines
         apart = (self.one.step[a] != self.other.step[b]) | (self.one.step[a] == 0)
         kind = np.where(apart, self.one.rider[a] * len(self.other.riders) + self.other.rider[b], -1)
@@ -313,11 +329,13 @@ class _TwoArms:
 
     def seen(self, before: RehearsalLooks) -> RehearsalLooks:
         """What is seen of both, with what was seen before."""
-        groups: dict[tuple[str, object, str, object], list[tuple[ArmRider, ArmRider, int, int]]] = {}
+        groups: dict[
+            tuple[str, object, str, object], list[tuple[ArmRider, ArmRider, int, int]]
+        ] = {}
         for stretch in self.stretches():
-            groups.setdefault((stretch[0].arm, stretch[0].key, stretch[1].arm, stretch[1].key), []).append(
-                stretch
-            )
+            groups.setdefault(
+                (stretch[0].arm, stretch[0].key, stretch[1].arm, stretch[1].key), []
+            ).append(stretch)
         looks = before
         for own in groups.values():
             ranges = np.array([span[2:] for span in own], np.int64)
@@ -344,10 +362,14 @@ class _TwoArms:
     def _looked(
         self, a: ArmRider, b: ArmRider, low: Longs, middle: Longs, high: Longs
     ) -> tuple[Floats, Floats]:
-        """How far apart the arms are at the middles (n,), and how far both move from there to the ends at most."""
+        """How far apart the arms are at the middles (n,), and how far both move from there to
+        the ends at most.
+        """
         first, at, last = (self.times(pieces) for pieces in (low, middle, high))
         turns = [
             np.maximum(own.turned(at) - own.turned(first), own.turned(last) - own.turned(at))
             for own in (self.one, self.other)
         ]
-        return self.encounters.apart((a, self.one.at(at), turns[0]), (b, self.other.at(at), turns[1]))
+        return self.encounters.apart(
+            (a, self.one.at(at), turns[0]), (b, self.other.at(at), turns[1])
+        )

@@ -1,8 +1,9 @@
 """Dimensions from range images: shapes fitted to patches, rims of holes, and their covariance.
 
-Which pixels lie on such an edge is found from ranges, so it depends on their noise. If these edges decided which points count, points would be left out
-because of their errors, and the shape would be biased. How a shape faces each beam is known from the shape, and the fit leaves out beams that
-meet it too flat. So these edges need not be guarded.
+Which pixels lie on such an edge is found from ranges, so it depends on their noise. If these edges
+decided which points count, points would be left out because of their errors, and the shape would be
+biased. How a shape faces each beam is known from the shape, and the fit leaves out beams that meet
+it too flat. So these edges need not be guarded.
 """
 
 from collections.abc import Sequence
@@ -35,8 +36,11 @@ LIMB_FLAT_COSINE = 0.3  # cosine: a surface that is met flatter ends soon after
 LIMB_MARGIN_PX = WINDOW_REACH_PX + 1  # from there: so far inside an edge may be found
 
 
-def without_own_limb(image: RangeImage, edges: EdgeImage, fit: Fit, cloud: Cloud) -> EdgeImage | None:
-    """The edges without those beside the limb of a shape that was fitted to a cloud; None if these are all.
+def without_own_limb(
+    image: RangeImage, edges: EdgeImage, fit: Fit, cloud: Cloud
+) -> EdgeImage | None:
+    """The edges without those beside the limb of a shape that was fitted to a cloud; None if these
+    are all.
 
     A shape that is seen from inside has no limb.
     """
@@ -45,7 +49,11 @@ def without_own_limb(image: RangeImage, edges: EdgeImage, fit: Fit, cloud: Cloud
     back, radius, angle = inverse(fit.T_world_shape), fit.radius_m, fit.angle_rad
     beams = image.beams.reshape(-1, 3) @ fit.T_world_shape[:3, :3]
     seen = beam_hits(
-        fit.shape, apply(back, cloud.points), cloud.directions @ fit.T_world_shape[:3, :3], radius, angle
+        fit.shape,
+        apply(back, cloud.points),
+        cloud.directions @ fit.T_world_shape[:3, :3],
+        radius,
+        angle,
     )
     if np.median(seen.facing[fit.used]) > 0.0:
         return None
@@ -54,7 +62,9 @@ def without_own_limb(image: RangeImage, edges: EdgeImage, fit: Fit, cloud: Cloud
     facing_angle = beam_hits(
         fit.shape, apply(back, away[:, None] * image.beams.reshape(-1, 3)), beams, radius, angle
     )
-    flat = (~facing_angle.hit | (np.abs(facing_angle.facing) < LIMB_FLAT_COSINE)).reshape(edges.kind.shape)
+    flat = (~facing_angle.hit | (np.abs(facing_angle.facing) < LIMB_FLAT_COSINE)).reshape(
+        edges.kind.shape
+    )
     beside = ndimage.binary_dilation(flat, np.ones((2 * LIMB_MARGIN_PX + 1,) * 2))
     if not (beside & (edges.kind > 0)).any():
         return None
@@ -63,7 +73,10 @@ def without_own_limb(image: RangeImage, edges: EdgeImage, fit: Fit, cloud: Cloud
 
 @dataclass(frozen=True, slots=True)
 class DimensionRequest:
-    """A shape that is asked for: where in the picture it is seen. A circle is the rim of a hole or disc in a plane there."""
+    """A shape that is asked for: where in the picture it is seen.
+
+    A circle is the rim of a hole or disc in a plane there.
+    """
 
     name: str
     shape: FitShape
@@ -72,21 +85,30 @@ class DimensionRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dimensions:
-    """What was found of each shape that was asked for, by name, in the frame of the eye; and the edges of the image."""
+    """What was found of each shape that was asked for, by name, in the frame of the eye; and
+    the edges of the image.
+    """
 
     fits: dict[str, Fitting]
     edges: EdgeImage
 
 
 def dimensions_in_image(image: RangeImage, asked: Sequence[DimensionRequest]) -> Dimensions:
-    """Shapes fitted to patches of an image with whole ranges. Raises `ValueError` for an image whose ranges are wrapped."""
+    """Shapes fitted to patches of an image with whole ranges.
+
+    Raises `ValueError` for an image whose ranges are wrapped.
+    """
     if image.wrapped:
         raise ValueError("the ranges are known modulo half a wavelength: resolve them first")
     edges = find_edges(image)
-    return Dimensions({request.name: _fit_request(image, edges, request) for request in asked}, edges)
+    return Dimensions(
+        {request.name: _fit_request(image, edges, request) for request in asked}, edges
+    )
 
 
-def relate_shapes(dimensions_found: Dimensions, first_name: str, second_name: str) -> tuple[Related, ...]:
+def relate_shapes(
+    dimensions_found: Dimensions, first_name: str, second_name: str
+) -> tuple[Related, ...]:
     """What is between two of the shapes; nothing if one was not found."""
     first, second = dimensions_found.fits[first_name], dimensions_found.fits[second_name]
     return relate_fits(first, second) if isinstance(first, Fit) and isinstance(second, Fit) else ()
@@ -105,7 +127,9 @@ def _fit_request(image: RangeImage, edges: EdgeImage, asked: DimensionRequest) -
 
 
 def _with_rounding(fit: Fit, cloud: Cloud, image: RangeImage) -> Fit:
-    """The fit, as sure as rounded depths let it be: all points of one depth were rounded alike, so they count as one."""
+    """The fit, as sure as rounded depths let it be: all points of one depth were rounded alike,
+    so they count as one.
+    """
     if not image.step_m:
         return fit
     depths = np.rint(cloud.points[fit.used, 2] / image.step_m)
@@ -118,7 +142,8 @@ def _fit_rim(image: RangeImage, plane: Fitting, asked: DimensionRequest) -> Fitt
     """The rim of a plane."""
     if image.guessed:
         return Unfitted(
-            "a depth image does not tell how strong answers were, and with them how much of a beam met the plane"
+            "a depth image does not tell how strong answers were, and with them how much of a "
+            "beam met the plane"
         )
     if isinstance(plane, Unfitted):
         return Unfitted(f"a circle is the rim of a plane, and there is none: {plane.reason}")
@@ -135,11 +160,13 @@ def _fit_rim(image: RangeImage, plane: Fitting, asked: DimensionRequest) -> Fitt
 
 
 def _circle_on_plane(plane: Fit, circle: Fit, rim: SurfaceRim) -> Fit:
-    """A circle on a plane: its height and tilts are those of the plane, which its rim does not tell.
+    """A circle on a plane: its height and tilts are those of the plane, which its rim does not
+    tell.
 
-    A round rim seen with a wide beam seems nearer to its centre, by the square of the beam over twice the radius: what is summed
-    over a Gaussian spreads as heat does, whose level lines move towards the centre of their curvature. Where a beam points beside its
-    direction, along the rim, it seems farther by as much.
+    A round rim seen with a wide beam seems nearer to its centre, by the square of the beam over
+    twice the radius: what is summed over a Gaussian spreads as heat does, whose level lines move
+    towards the centre of their curvature. Where a beam points beside its direction, along the rim,
+    it seems farther by as much.
     """
     R = plane.T_world_shape[:3, :3]
     T = circle.T_world_shape.copy()

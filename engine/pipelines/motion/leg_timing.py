@@ -32,7 +32,9 @@ MAX_SLOWING_ROUNDS = 50
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PeopleZone:
-    """A zone of the cell: the arm among nothing but the zone, and the greatest speed of its points there (m/s)."""
+    """A zone of the cell: the arm among nothing but the zone, and the greatest speed of its
+    points there (m/s).
+    """
 
     name: str
     ground: PlanningScene
@@ -75,9 +77,15 @@ def cut_lines(path: Floats) -> Floats:
 
 
 def slow_leg(
-    leg: MotionLeg, limits: JointLimits, own: slice, zones: Sequence[PeopleZone], level: UprightLevel | None
+    leg: MotionLeg,
+    limits: JointLimits,
+    own: slice,
+    zones: Sequence[PeopleZone],
+    level: UprightLevel | None,
 ) -> SmoothedPath:
-    """The leg in time, with every line slowed that a moment in a zone depends on, until all zones are respected."""
+    """The leg in time, with every line slowed that a moment in a zone depends on, until all
+    zones are respected.
+    """
     path = cut_lines(leg.path)
     slower = np.ones(len(path) - 1)
     for _ in range(MAX_SLOWING_ROUNDS):
@@ -103,11 +111,16 @@ def _told_at(course: SmoothedPath, rows: Longs) -> SmoothedPath:
 
 
 def _too_fast(zone: PeopleZone, course: SmoothedPath, path: Floats, own: slice) -> Floats:
-    """By how much each line (m - 1,) must be slower than now, because an average in the zone depends on it."""
+    """By how much each line (m - 1,) must be slower than now, because an average in the zone
+    depends on it.
+    """
     times = np.linspace(0.0, course.duration_s, max(2, int(course.duration_s / SPEED_STEP_S) + 1))
     q = np.repeat(path[:1], len(times), axis=0)
     q[:, own] = course.at(times)[0]
-    inside = zone.ground.clearance(q, zone.speed_m_s * SPEED_STEP_S + 1e-3) <= zone.speed_m_s * SPEED_STEP_S
+    inside = (
+        zone.ground.clearance(q, zone.speed_m_s * SPEED_STEP_S + 1e-3)
+        <= zone.speed_m_s * SPEED_STEP_S
+    )
     factors = np.ones(len(path) - 1)
     knots = course.even.knots_s[course.even.corners]
     for n, lasts in enumerate(np.diff(knots)):
@@ -133,12 +146,18 @@ class TimedLegs:
 
     def corners_s(self) -> Floats:
         """When each configuration of the whole path is passed (m,)."""
-        parts = [leg.corners_s + begins for leg, begins in zip(self.legs, self.begins_s, strict=True)]
-        return np.concatenate([parts[0][:1], *(part[1:] for part in parts)]) if parts else np.zeros(0)
+        parts = [
+            leg.corners_s + begins for leg, begins in zip(self.legs, self.begins_s, strict=True)
+        ]
+        return (
+            np.concatenate([parts[0][:1], *(part[1:] for part in parts)]) if parts else np.zeros(0)
+        )
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Configurations, speeds and accelerations (n, k) at times (n,)."""
-        number = np.clip(np.searchsorted(self.begins_s, times_s, side="right") - 1, 0, len(self.legs) - 1)
+        number = np.clip(
+            np.searchsorted(self.begins_s, times_s, side="right") - 1, 0, len(self.legs) - 1
+        )
         rows = [np.nonzero(number == n)[0] for n in range(len(self.legs))]
         parts = [
             leg.at(times_s[own] - begins)
@@ -157,7 +176,9 @@ def time_legs(
     smooth: bool = True,
     level: UprightLevel | None = None,
 ) -> TimedLegs:
-    """The legs of one arm, whose joints are `own`, in time; with `smooth` corners are cut where that is proved and quicker."""
+    """The legs of one arm, whose joints are `own`, in time; with `smooth` corners are cut where
+    that is proved and quicker.
+    """
     trajectories: list[SmoothedPath | Trajectory] = []
     begins, slow = [0.0], []
     for leg in legs:
@@ -169,7 +190,9 @@ def time_legs(
             else _quickest_course(leg, limits, own, smooth, level)
         )
         begins.append(begins[-1] + float(trajectories[-1].corners_s[-1]))
-    return TimedLegs(tuple(trajectories), tuple(begins[:-1]), begins[-1], tuple(dict.fromkeys(slow)))
+    return TimedLegs(
+        tuple(trajectories), tuple(begins[:-1]), begins[-1], tuple(dict.fromkeys(slow))
+    )
 
 
 def _quickest_course(

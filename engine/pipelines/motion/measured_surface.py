@@ -10,8 +10,15 @@ from cellwright.engine.model.arm_poses import MeasurementPoses
 from cellwright.engine.model.shape_fits import Fit, FitShape, Fitting
 from cellwright.engine.model.vision import EdgeImage, PixelWindow, RangeImage, Vague
 from cellwright.engine.pipelines.inspection.measurement_places import with_measured_places
-from cellwright.engine.pipelines.motion.image_dimensions import DimensionRequest, dimensions_in_image
-from cellwright.engine.pipelines.motion.measurement_poses import chosen_tools, known_poses, station_world
+from cellwright.engine.pipelines.motion.image_dimensions import (
+    DimensionRequest,
+    dimensions_in_image,
+)
+from cellwright.engine.pipelines.motion.measurement_poses import (
+    chosen_tools,
+    known_poses,
+    station_world,
+)
 from cellwright.engine.pipelines.motion.ranging_views import (
     eye_of,
     solids_before,
@@ -31,8 +38,8 @@ from cellwright.kb.model.planning_problem import Problem
 class ImageRequest:
     """How an image comes about. `expected_to_m` is the standard deviation of where the part is.
 
-    `read` gives the image that a tool has taken. Without it an image is made, with errors by `seed`; everything really lies
-    `displaced_m` (3,) from where it is expected, in the world.
+    `read` gives the image that a tool has taken. Without it an image is made, with errors by
+    `seed`; everything really lies `displaced_m` (3,) from where it is expected, in the world.
     """
 
     expected_to_m: float
@@ -43,9 +50,11 @@ class ImageRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredSurface:
-    """The image, the patch, the plane in it, and how far the surface is from where it should be, along its normal, in metres.
+    """The image, the patch, the plane in it, and how far the surface is from where it should be,
+    along its normal, in metres.
 
-    `answered` is the image before its ranges were resolved. `expected_m` is the standard deviation that was expected when the patch was chosen.
+    `answered` is the image before its ranges were resolved. `expected_m` is the standard deviation
+    that was expected when the patch was chosen.
     """
 
     name: str
@@ -72,7 +81,10 @@ def measured_surface(
     name: str,
     seeing: ImageRequest,
 ) -> MeasuredSurface | Vague:
-    """The surface at a measurement that a laser ranging tool takes. Raises `InvalidInput` for one that it does not."""
+    """The surface at a measurement that a laser ranging tool takes.
+
+    Raises `InvalidInput` for one that it does not.
+    """
     tools = chosen_tools(PlanGate().semantics(problem))
     how, ranging = _measuring_tool(problem, cell, tools, name)
     poses, place, placed = _first_pose(problem, cell, backend, name, tools)
@@ -93,16 +105,23 @@ def measured_surface(
     window = window_of(eye, poses.patch, point)
     measured = dimensions_in_image(image, [DimensionRequest(name, FitShape.PLANE, window)])
     fit = measured.fits[name]
-    off, sigma = _surface_offset(fit, eye.T_world_eye, point, normal) if isinstance(fit, Fit) else (0.0, 0.0)
+    off, sigma = (
+        _surface_offset(fit, eye.T_world_eye, point, normal) if isinstance(fit, Fit) else (0.0, 0.0)
+    )
     return MeasuredSurface(
         name, poses, answered, image, measured.edges, window, fit, off, sigma, poses.sigma_m
     )
 
 
 def ranging_of(cell: Cell, tool: str) -> Ranging:
-    """What a laser ranging tool of a cell is like. Raises `InvalidInput` for a name that is none."""
+    """What a laser ranging tool of a cell is like.
+
+    Raises `InvalidInput` for a name that is none.
+    """
     rangings = {
-        name: measuring.ranging for name, measuring in cell.measuring.items() if measuring.ranging is not None
+        name: measuring.ranging
+        for name, measuring in cell.measuring.items()
+        if measuring.ranging is not None
     }
     if (ranging := rangings.get(tool)) is None:
         raise InvalidInput(
@@ -123,14 +142,19 @@ def _checked_image(image: RangeImage, tool: Ranging, name: str) -> RangeImage:
 def _measuring_tool(
     problem: Problem, cell: Cell, tools: Mapping[str, str], name: str
 ) -> tuple[Measuring, Ranging]:
-    """How the tool of a measurement measures. Raises `InvalidInput` for no measurement, and for one that another kind of tool takes."""
+    """How the tool of a measurement measures.
+
+    Raises `InvalidInput` for no measurement, and for one that another kind of tool takes.
+    """
     if name not in tools:
         where = Source(problem.path or problem.name)
         raise InvalidInput([unknown_name("measurement", name, tools, where)])
     how = cell.measuring.get(tools[name])
     if how is None or how.ranging is None:
         message = f"{name} is taken with {tools[name]}, which is no laser ranging tool"
-        hint = f"say what it is like: `measuring: {tools[name]}: ranging`, or name another measurement"
+        hint = (
+            f"say what it is like: `measuring: {tools[name]}: ranging`, or name another measurement"
+        )
         raise InvalidInput([Diagnostic(Source(cell.path or cell.name), "K404", message, hint)])
     return how, how.ranging
 
@@ -138,11 +162,15 @@ def _measuring_tool(
 def _first_pose(
     problem: Problem, cell: Cell, backend: GeometryBackend, name: str, tools: Mapping[str, str]
 ) -> tuple[MeasurementPoses, Place, Cell]:
-    """The poses of a measurement from the first station that reaches it, its place, and the cell with its place."""
+    """The poses of a measurement from the first station that reaches it, its place, and the
+    cell with its place.
+    """
     where = Source(cell.path or cell.name)
     whole = with_measured_places(cell, problem, tools)
     knowledge = known_poses(problem, cell, backend, only=(name,))
-    reached = [knowledge.poses[key] for key in sorted(knowledge.poses) if knowledge.poses[key].reached]
+    reached = [
+        knowledge.poses[key] for key in sorted(knowledge.poses) if knowledge.poses[key].reached
+    ]
     if not reached:
         why = knowledge.unreached().get(name, "it has no place in the cell")
         raise InvalidInput(
@@ -152,7 +180,9 @@ def _first_pose(
     return reached[0], place, whole
 
 
-def _surface_offset(fit: Fit, T_world_eye: Floats, point: Floats, normal: Floats) -> tuple[float, float]:
+def _surface_offset(
+    fit: Fit, T_world_eye: Floats, point: Floats, normal: Floats
+) -> tuple[float, float]:
     """How far a plane lies from a point (3,), along a normal, and the standard deviation."""
     back = transforms.inverse(T_world_eye)
     own, away = transforms.apply(back, point[None])[0], back[:3, :3] @ normal

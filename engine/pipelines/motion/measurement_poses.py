@@ -1,7 +1,7 @@
 """From which stations and in which poses an arm takes measurements; kept in a store.
 
-Its answers make the measurement knowledge base. They can be kept in a store, and are found again only where the arm, the tool,
-the place or a body near the poses has changed.
+Its answers make the measurement knowledge base. They can be kept in a store, and are found again
+only where the arm, the tool, the place or a body near the poses has changed.
 """
 
 import json
@@ -12,14 +12,20 @@ from typing import Any
 import numpy as np
 
 from cellwright.engine.model.arm_poses import Box, MeasurementPoses
-from cellwright.engine.pipelines.inspection.measurement_places import measured_at, with_measured_places
+from cellwright.engine.pipelines.inspection.measurement_places import (
+    measured_at,
+    with_measured_places,
+)
 from cellwright.engine.pipelines.motion.cell_state import CellState
 from cellwright.engine.pipelines.motion.pose_digests import ArmFooting, StandingBodies
 from cellwright.engine.pipelines.motion.pose_search import SoughtMeasurement, found_poses
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.ports import GeometryBackend
 from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import InverseKinematics
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.json_text import parse_json
 from cellwright.kb.model.cell_model import Cell, Measuring, Patch, Place, Placement
@@ -36,8 +42,8 @@ POSES_AT_A_TIME = 64  # measurements that are looked at together
 class PoseKnowledge:
     """The poses of all measurements of a problem, or of some, by measurement, tool and station.
 
-    `kept` counts those that were known already, `made` those that were found now. Of the `unasked` measurements nothing is known;
-    the arm can stand at the `standing` stations.
+    `kept` counts those that were known already, `made` those that were found now. Of the `unasked`
+    measurements nothing is known; the arm can stand at the `standing` stations.
     """
 
     poses: Mapping[Key, MeasurementPoses] = field(default_factory=dict)
@@ -54,10 +60,14 @@ class PoseKnowledge:
             if poses.measurement not in reached:
                 where = f"from {poses.station}: " if poses.station else ""
                 reasons.setdefault(poses.measurement, []).append(f"{where}{poses.reason}")
-        return {name: "; ".join(dict.fromkeys(reasons_given)) for name, reasons_given in reasons.items()}
+        return {
+            name: "; ".join(dict.fromkeys(reasons_given)) for name, reasons_given in reasons.items()
+        }
 
     def stations(self) -> dict[str, tuple[str, ...]]:
-        """The stations that reach each measurement; all stations for those that were not asked about."""
+        """The stations that reach each measurement; all stations for those that were not asked
+        about.
+        """
         stations_by_name = {name: list(self.standing) for name in self.unasked}
         for poses in self.poses.values():
             if poses.reached and poses.station:
@@ -72,7 +82,10 @@ def known_poses(
     known_before: Mapping[Key, MeasurementPoses] | None = None,
     only: Collection[str] | None = None,
 ) -> PoseKnowledge:
-    """The poses of every measurement that a tool is chosen for, or of some. What is `known` and still valid is not found again."""
+    """The poses of every measurement that a tool is chosen for, or of some.
+
+    What is `known` and still valid is not found again.
+    """
     semantics = PlanGate().semantics(problem)
     words = problem.domain.conventions
     tools = chosen_tools(semantics)
@@ -81,7 +94,9 @@ def known_poses(
     tools = {name: tool for name, tool in tools.items() if name not in unasked}
     stations = stations_of_cell(whole)
     widths = _widths_m(semantics)
-    kinematics = {name: InverseKinematics(model) for name, model in GeometricWorld.of(whole).models.items()}
+    kinematics = {
+        name: InverseKinematics(model) for name, model in GeometricWorld.of(whole).models.items()
+    }
     poses_found: dict[Key, MeasurementPoses] = {}
     for station, fact in stations or (("", None),):
         for places in _alike_places(
@@ -99,7 +114,9 @@ def known_poses(
                 if (name := measured_at(words, place.name))
             ]
             poses_found |= _poses_of_alike(room, asked, station, known_before or {})
-    reused = sum(poses_found[key] is old for key, old in (known_before or {}).items() if key in poses_found)
+    reused = sum(
+        poses_found[key] is old for key, old in (known_before or {}).items() if key in poses_found
+    )
     return PoseKnowledge(
         poses_found, reused, len(poses_found) - reused, unasked, tuple(name for name, _ in stations)
     )
@@ -108,7 +125,9 @@ def known_poses(
 def chosen_tools(semantics: Semantics) -> dict[str, str]:
     """The tool that is chosen for each measurement."""
     name = semantics.problem.domain.conventions.chosen
-    return {str(fact.arguments[1]): str(fact.arguments[0]) for fact in semantics.statics.named(name)}
+    return {
+        str(fact.arguments[1]): str(fact.arguments[0]) for fact in semantics.statics.named(name)
+    }
 
 
 def _is_chosen(words: Conventions, tools: Mapping[str, str], place: Place) -> bool:
@@ -132,9 +151,14 @@ def _poses_of_alike(
     station: str,
     known_before: Mapping[Key, MeasurementPoses],
 ) -> dict[Key, MeasurementPoses]:
-    """The poses of measurements that are taken alike: those that are known and still valid, and all others found now."""
+    """The poses of measurements that are taken alike: those that are known and still valid, and
+    all others found now.
+    """
     first = asked[0].place
-    standing_bodies, footing = StandingBodies(room.world), ArmFooting(room.world, first.arm, first.tool)
+    standing_bodies, footing = (
+        StandingBodies(room.world),
+        ArmFooting(room.world, first.arm, first.tool),
+    )
     poses_found: dict[Key, MeasurementPoses] = {}
     missing = []
     for measurement in asked:
@@ -145,13 +169,18 @@ def _poses_of_alike(
         else:
             missing.append(measurement)
     for n in range(0, len(missing), POSES_AT_A_TIME):
-        for poses in found_poses(room, standing_bodies, footing, missing[n : n + POSES_AT_A_TIME], station):
+        for poses in found_poses(
+            room, standing_bodies, footing, missing[n : n + POSES_AT_A_TIME], station
+        ):
             poses_found[poses.measurement, poses.tool, station] = poses
     return poses_found
 
 
 def _is_valid(
-    old: MeasurementPoses, standing_bodies: StandingBodies, footing: ArmFooting, asked: SoughtMeasurement
+    old: MeasurementPoses,
+    standing_bodies: StandingBodies,
+    footing: ArmFooting,
+    asked: SoughtMeasurement,
 ) -> bool:
     own = footing.digest(asked.place, asked.how)
     return old.own == own and old.near == standing_bodies.digest(old.boxes)
@@ -173,14 +202,21 @@ def _widths_m(semantics: Semantics) -> dict[str, float]:
 
 
 def stations_of_cell(cell: Cell) -> list[tuple[str, Atom]]:
-    """The stations of the arms: facts that put a body somewhere along its joint that carries an arm, each with its name.
+    """The stations of the arms: facts that put a body somewhere along its joint that carries an
+    arm, each with its name.
 
     The name is the last argument of the fact.
     """
     world, stations = GeometricWorld.of(cell), []
-    carriers = {support_name for name in cell.arms for support_name in world.supports(f"{name}.base")}
+    carriers = {
+        support_name for name in cell.arms for support_name in world.supports(f"{name}.base")
+    }
     for location in cell.locations:
-        if location.value is None or str(location.body) not in carriers or not location.fact.arguments:
+        if (
+            location.value is None
+            or str(location.body) not in carriers
+            or not location.fact.arguments
+        ):
             continue
         last = location.fact.arguments[-1]
         if isinstance(last, Function) and is_ground(last):
@@ -189,17 +225,27 @@ def stations_of_cell(cell: Cell) -> list[tuple[str, Atom]]:
 
 
 def station_world(cell: Cell, semantics: Semantics, station: str, place: Place) -> GeometricWorld:
-    """The cell as the problem begins, with the arm at a station ("": where it is) and the tool of a place in its hand."""
+    """The cell as the problem begins, with the arm at a station ("": where it is) and the tool
+    of a place in its hand.
+    """
     facts = dict(stations_of_cell(cell))
     return _station_state(cell, semantics, facts.get(station), place)
 
 
-def _station_state(cell: Cell, semantics: Semantics, fact: Atom | None, place: Place) -> GeometricWorld:
-    """The cell as the problem begins, with the arm at a station and the tool of a place in its hand."""
+def _station_state(
+    cell: Cell, semantics: Semantics, fact: Atom | None, place: Place
+) -> GeometricWorld:
+    """The cell as the problem begins, with the arm at a station and the tool of a place in its
+    hand.
+    """
     start = semantics.initial()
     world = world_after_facts(
         GeometricWorld.of(cell),
-        [fact_at_start for fact_at_start in start if fact is None or fact_at_start.name != fact.name],
+        [
+            fact_at_start
+            for fact_at_start in start
+            if fact is None or fact_at_start.name != fact.name
+        ],
     )
     if fact is not None:
         location = next(location for location in cell.locations if location.fact == fact)
@@ -208,12 +254,15 @@ def _station_state(cell: Cell, semantics: Semantics, fact: Atom | None, place: P
 
 
 def with_stations(problem: Problem, knowledge: PoseKnowledge) -> Problem:
-    """The problem with a fact for each station that reaches a measurement, and one for each measurement that none reaches.
+    """The problem with a fact for each station that reaches a measurement, and one for each
+    measurement that none reaches.
 
     Where the problem says itself from where a measurement is reached, that counts.
     """
     words, facts = problem.domain.conventions, list[Atom]()
-    served_names = {str(fact.arguments[-1]) for fact in problem.statics if fact.name == words.serves}
+    served_names = {
+        str(fact.arguments[-1]) for fact in problem.statics if fact.name == words.serves
+    }
     if words.serves in problem.domain.predicates:
         for name, stations in sorted(knowledge.stations().items()):
             facts += [
@@ -234,9 +283,11 @@ def kept_poses(
     backend: GeometryBackend,
     only: Collection[str] | None = None,
 ) -> PoseKnowledge:
-    """The poses of a problem's measurements, or of some: those of the store that are still valid, the others found and kept there.
+    """The poses of a problem's measurements, or of some: those of the store that are still valid,
+    the others found and kept there.
 
-    Raises `InvalidInput` if the store cannot be used. A document that cannot be read counts as missing.
+    Raises `InvalidInput` if the store cannot be used. A document that cannot be read counts as
+    missing.
     """
     with PoseStore(store) as poses:
         documents = poses.of(problem.domain.name, problem.name)
@@ -248,7 +299,9 @@ def kept_poses(
         }
         knowledge = known_poses(problem, cell, backend, kept_before, only)
         if knowledge.made or knowledge.poses.keys() != documents.keys():
-            fresh: dict[Key, str] = {key: _poses_text(poses) for key, poses in knowledge.poses.items()}
+            fresh: dict[Key, str] = {
+                key: _poses_text(poses) for key, poses in knowledge.poses.items()
+            }
             poses.keep(problem.domain.name, problem.name, fresh, only)
     return knowledge
 

@@ -13,7 +13,10 @@ from cellwright.engine.model.motion_values import FINEST_M, Answer, Moved, PathQ
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
 from cellwright.engine.stages.geometry.reach.arm_hand import ArmHand, BrokenLine, straight_line
-from cellwright.engine.stages.geometry.reach.place_reachability import PlaceReachability, UnreachedPlace
+from cellwright.engine.stages.geometry.reach.place_reachability import (
+    PlaceReachability,
+    UnreachedPlace,
+)
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.engine.stages.motion.path_planner import try_path
 from cellwright.engine.stages.motion.path_proofs import BodyTouch, touches_on_path
@@ -30,7 +33,9 @@ END_FORMS = {POINT: (3, "point 0.4, -0.2, 0.8"), POSE: (6, "pose 0.4, -0.2, 0.8,
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionEnd:
-    """One end of a motion: its name, configurations (n, k) of an arm, and the place that they belong to, if there is one."""
+    """One end of a motion: its name, configurations (n, k) of an arm, and the place that they
+    belong to, if there is one.
+    """
 
     name: str
     arm: str
@@ -41,10 +46,12 @@ class MotionEnd:
 def end_of(
     text: str, option: str, reach: PlaceReachability, world: GeometricWorld, tool: str = ""
 ) -> MotionEnd:
-    """What a person names: `home`, a place of the cell, a point or pose in the world, or joint values.
+    """What a person names: `home`, a place of the cell, a point or pose in the world, or joint
+    values.
 
-    At `point X, Y, Z` the tool is turned as it is now; at `pose X, Y, Z, ROLL, PITCH, YAW` (m, degrees) as it is said. With
-    `turns` behind either, it may turn about its own z. Raises `InvalidInput`.
+    At `point X, Y, Z` the tool is turned as it is now; at `pose X, Y, Z, ROLL, PITCH, YAW` (m,
+    degrees) as it is said. With `turns` behind either, it may turn about its own z. Raises
+    `InvalidInput`.
     """
     cell, spelled = world.cell, text.strip()
     head, _, rest = spelled.partition(" ")
@@ -63,9 +70,14 @@ def end_of(
 
 
 def arm_named(name: str, cell: Cell, option: str) -> str:
-    """The arm of a name, or the first one of the cell. Raises `InvalidInput` for a cell without arms."""
+    """The arm of a name, or the first one of the cell.
+
+    Raises `InvalidInput` for a cell without arms.
+    """
     if not cell.arms:
-        raise InvalidInput([Diagnostic(Source(option), "K405", "the cell has no arms", "give it one")])
+        raise InvalidInput(
+            [Diagnostic(Source(option), "K405", "the cell has no arms", "give it one")]
+        )
     return name or next(iter(cell.arms))
 
 
@@ -74,7 +86,8 @@ def _reached_end(place: Place, name: str, option: str, reach: PlaceReachability)
     if isinstance(answer, UnreachedPlace):
         message = f"no configuration reaches {name}: {answer.reason}"
         raise InvalidInput([Diagnostic(Source(option), "K705", message, answer.hint)])
-    # Libraries for matrices round differently on each processor. The last digits, where that shows, are cut off.
+    # Libraries for matrices round differently on each processor. The last digits, where that shows,
+    # are cut off.
     return MotionEnd(name, place.arm, np.round(answer.q, 12), place)
 
 
@@ -87,12 +100,17 @@ def _place_at(head: str, text: str, world: GeometricWorld, option: str, tool: st
     except ValueError:
         values = []
     if len(values) != count or not np.isfinite(values).all():
-        message, hint = f"'{text}' is no {head}", f"write it as: {example}, or with 'turns' behind it"
+        message, hint = (
+            f"'{text}' is no {head}",
+            f"write it as: {example}, or with 'turns' behind it",
+        )
         raise InvalidInput([Diagnostic(Source(option), "K406", message, hint)])
     arm = arm_named("", world.cell, option)
     rpy = np.radians(values[3:]) if head == POSE else _turned_now(world, arm, tool)
     x, y, z, roll, pitch, yaw = map(float, (*values[:3], *rpy))
-    return Place(head, Placement("world", Pose((x, y, z), (roll, pitch, yaw))), arm, tool, turns=turns)
+    return Place(
+        head, Placement("world", Pose((x, y, z), (roll, pitch, yaw))), arm, tool, turns=turns
+    )
 
 
 def _turned_now(world: GeometricWorld, arm: str, tool: str) -> tuple[float, float, float]:
@@ -105,7 +123,8 @@ def _turned_now(world: GeometricWorld, arm: str, tool: str) -> tuple[float, floa
 
 
 def carried_place(start: MotionEnd, goals: Sequence[MotionEnd], tool: str = "") -> Place:
-    """A place whose tool is in hand on the way, and with the contacts that ends without an approach allow.
+    """A place whose tool is in hand on the way, and with the contacts that ends without an approach
+    allow.
 
     Raises `InvalidInput` for ends of several arms or tools.
     """
@@ -113,11 +132,15 @@ def carried_place(start: MotionEnd, goals: Sequence[MotionEnd], tool: str = "") 
     tools = sorted({place.tool for place in places if place.tool} | ({tool} if tool else set()))
     if len(tools) > 1:
         message = f"the ends need two tools: {tools[0]} and {tools[1]}"
-        raise InvalidInput([Diagnostic(Source("--to"), "K409", message, "plan a motion for each tool")])
+        raise InvalidInput(
+            [Diagnostic(Source("--to"), "K409", message, "plan a motion for each tool")]
+        )
     for goal in goals:
         if goal.arm != start.arm:
             message = f"{start.arm} starts, but {goal.arm} arrives"
-            raise InvalidInput([Diagnostic(Source("--to"), "K409", message, "name ends of one arm")])
+            raise InvalidInput(
+                [Diagnostic(Source("--to"), "K409", message, "name ends of one arm")]
+            )
     near = [place for place in places if place.approach_m == 0.0]
     allowed = tuple(dict.fromkeys(name for place in near for name in place.touches))
     blank = Place("", Placement(), start.arm)
@@ -141,7 +164,8 @@ RETRACT, FREE, APPROACH = "retract", "free", "approach"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLeg:
-    """A part of a motion: its configurations (m, k), whether it is proved, on what ground, and what touches on it.
+    """A part of a motion: its configurations (m, k), whether it is proved, on what ground, and what
+    touches on it.
 
     The pairs of `meeting` may overlap by `depth_m`.
     """
@@ -162,7 +186,8 @@ class MotionLeg:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegDepartures:
-    """Where the free part of a motion may begin or end: configurations (n, k) and, for each, the line to it from its place.
+    """Where the free part of a motion may begin or end: configurations (n, k) and, for each, the
+    line to it from its place.
 
     A line is None for an end that has no approach.
     """
@@ -177,8 +202,9 @@ def lines_out(
 ) -> LegDepartures:
     """The straight lines out of a place, from its configurations (n, k), until `LINES` are tried.
 
-    Lines on which something that may touch was seen deeper than the place's `depth` are left out, unless there are no others.
-    Raises `InvalidInput` if every line breaks, with the reason for the first.
+    Lines on which something that may touch was seen deeper than the place's `depth` are left out,
+    unless there are no others. Raises `InvalidInput` if every line breaks, with the reason for the
+    first.
     """
     if end.place is None or end.place.approach_m == 0.0:
         return LegDepartures(whole, (None,) * len(whole), end.place)
@@ -198,7 +224,9 @@ def lines_out(
     return LegDepartures(np.array([line[-1] for line in free_lines]), tuple(free_lines), place)
 
 
-def _line_out(name: str, place: Place, ground: PlanningScene, hand: ArmHand, q: Floats) -> Floats | str:
+def _line_out(
+    name: str, place: Place, ground: PlanningScene, hand: ArmHand, q: Floats
+) -> Floats | str:
     """The straight line (m, k) out of a place from a configuration (k,), or why there is none."""
     T_back = matmul(hand.poses(q[None])[0], transforms.translation(0.0, 0.0, -place.approach_m))
     line = straight_line(hand, q, T_back)
@@ -230,7 +258,8 @@ def _path_touches(path: Floats, place: Place, reach: PlaceReachability) -> tuple
 def shallower_answer(
     answer: Answer, query: PathQuery, place: Place, reach: PlaceReachability, hand: ArmHand
 ) -> Answer:
-    """The answer, or one whose path keeps what may touch within the place's `depth`, if the first does not and there is one.
+    """The answer, or one whose path keeps what may touch within the place's `depth`, if the first
+    does not and there is one.
 
     The first search does not know of depths, because that makes it many times as fast.
     """
@@ -255,7 +284,9 @@ def _what_blocks(ground: PlanningScene, line: Floats, name: str) -> str:
     at = line[n] + proof.where * (line[n + 1] - line[n])
     contacts = ground.contacts(at, 0.001)
     message = (
-        f"{contacts[0].first} comes too near to {contacts[0].second}" if contacts else "something is too near"
+        f"{contacts[0].first} comes too near to {contacts[0].second}"
+        if contacts
+        else "something is too near"
     )
     return f"on the straight line out of {name}, {message}"
 
@@ -270,8 +301,12 @@ def leg_of(kind: str, line: Floats, place: Place, reach: PlaceReachability) -> M
 
 
 def free_leg(blank: MotionLeg, answer: Moved, place: Place, reach: PlaceReachability) -> MotionLeg:
-    """The leg of a free path, with what touches on it because an end without a straight line allows it."""
+    """The leg of a free path, with what touches on it because an end without a straight line
+    allows it.
+    """
     pairs = _path_touches(answer.path, place, reach)
     sure = answer.proved and all(pair.proved for pair in pairs)
     meant = _touch_ground(place, reach)
-    return replace(blank, path=answer.path, proved=sure, touches=pairs, meeting=meant, depth_m=place.depth_m)
+    return replace(
+        blank, path=answer.path, proved=sure, touches=pairs, meeting=meant, depth_m=place.depth_m
+    )

@@ -1,7 +1,7 @@
 """Tours of measurements by inverse kinematics, with the times of collision-free paths as costs.
 
-The cost of a move is the time of its slowest joint. A joint of unknown speed is assumed to move at 1 rad/s. Collisions at
-the places are checked here. Collisions on the way between them are not.
+The cost of a move is the time of its slowest joint. A joint of unknown speed is assumed to move at
+1 rad/s. Collisions at the places are checked here. Collisions on the way between them are not.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,9 +14,17 @@ from cellwright.engine.model.tour_problem import PoseProblem, Tour, TourProblem,
 from cellwright.engine.pipelines.inspection.tool_tours import ToolPartition, partition_by_tool
 from cellwright.engine.pipelines.motion.travel_times import TravelStations, travel_stations
 from cellwright.engine.ports import GeometryBackend
-from cellwright.engine.stages.geometry.reach.place_reachability import PlaceReachability, UnreachedPlace
+from cellwright.engine.stages.geometry.reach.place_reachability import (
+    PlaceReachability,
+    UnreachedPlace,
+)
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
-from cellwright.engine.stages.motion.roadmap import TravelTimes, map_nodes, nearest_node_pairs, travel_times
+from cellwright.engine.stages.motion.roadmap import (
+    TravelTimes,
+    map_nodes,
+    nearest_node_pairs,
+    travel_times,
+)
 from cellwright.engine.stages.sequencing import TourLimits, sequence_tour
 from cellwright.engine.stages.sequencing import TourLimits as Effort
 from cellwright.engine.stages.sequencing.pose_tours import with_poses
@@ -47,9 +55,11 @@ class PosedTour:
 def posed_tours(
     problem: Problem, cell: Cell, backend: GeometryBackend, limits: TourLimits = TourLimits()
 ) -> tuple[tuple[PosedTour, ...], ToolPartition]:
-    """For each tool and arm a tour of all measurements that the arm reaches, and the partition of the measurements.
+    """For each tool and arm a tour of all measurements that the arm reaches, and the partition of
+    the measurements.
 
-    A measurement that the arm does not reach is listed as impossible, with the reason. Raises `InvalidInput`.
+    A measurement that the arm does not reach is listed as impossible, with the reason. Raises
+    `InvalidInput`.
     """
     named = {name: problem.domain.conventions.place(name) for name in problem.objects}
     places = {name: cell.places[place] for name, place in named.items() if place in cell.places}
@@ -74,8 +84,16 @@ def _reached_configurations(
 ) -> tuple[dict[str, Floats], dict[str, str]]:
     answers = {name: ask.at(place) for name, place in places.items()}
     return (
-        {name: answer.q for name, answer in answers.items() if not isinstance(answer, UnreachedPlace)},
-        {name: answer.reason for name, answer in answers.items() if isinstance(answer, UnreachedPlace)},
+        {
+            name: answer.q
+            for name, answer in answers.items()
+            if not isinstance(answer, UnreachedPlace)
+        },
+        {
+            name: answer.reason
+            for name, answer in answers.items()
+            if isinstance(answer, UnreachedPlace)
+        },
     )
 
 
@@ -90,7 +108,9 @@ def _posed_tour(
 ) -> PosedTour:
     joints = world.cell.arms[arm].arm.joints
     where = {name: ask.target(places[name]).reshape(-1, 4, 4)[0, :3, 3] for name in reached}
-    visits = tuple(Visit(name, (float(p[0]), float(p[1]), float(p[2])), tool) for name, p in where.items())
+    visits = tuple(
+        Visit(name, (float(p[0]), float(p[1]), float(p[2])), tool) for name, p in where.items()
+    )
     problem = PoseProblem(
         tool,
         (Visit(HOME_VISIT, None, tool), *visits),
@@ -108,10 +128,12 @@ NEVER_S = 1e6  # where no path is known
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivenTour:
-    """A tour of one tool: its visits in order, the time of each move from there on (s), and how far the whole may be too long.
+    """A tour of one tool: its visits in order, the time of each move from there on (s), and how far
+    the whole may be too long.
 
-    `moves_s` (n,) include the straight lines out and in. `bound_s` is what the moves take at the least. `planned` ways had to be
-    planned one by one; `unreached` visits have no straight line out of them, and are left out.
+    `moves_s` (n,) include the straight lines out and in. `bound_s` is what the moves take at the
+    least. `planned` ways had to be planned one by one; `unreached` visits have no straight line out
+    of them, and are left out.
     """
 
     posed: PosedTour
@@ -138,11 +160,17 @@ def driven_tours(
 
 
 def _drive_tour(
-    problem: Problem, world: GeometricWorld, reach: PlaceReachability, posed: PosedTour, effort: Effort
+    problem: Problem,
+    world: GeometricWorld,
+    reach: PlaceReachability,
+    posed: PosedTour,
+    effort: Effort,
 ) -> DrivenTour:
     names = [posed.problem.visits[visit].name for visit in posed.tour.order]
     place = problem.domain.conventions.place
-    places = {name: None if name == HOME_VISIT else world.cell.places[place(name)] for name in names}
+    places = {
+        name: None if name == HOME_VISIT else world.cell.places[place(name)] for name in names
+    }
     travel_ends = travel_stations(world, reach, posed.arm, places, list(posed.configurations))
     return DrivenTour(posed, *_order_visits(travel_ends, effort), dict(travel_ends.unreached))
 
@@ -150,7 +178,9 @@ def _drive_tour(
 def _order_visits(
     at: TravelStations, effort: Effort
 ) -> tuple[tuple[str, ...], tuple[float, ...], float, int]:
-    """The visits in order, the times of the moves, what they take at the least, and how many ways were planned."""
+    """The visits in order, the times of the moves, what they take at the least, and how many
+    ways were planned.
+    """
     ground, nodes, own, limits = at.ground, at.nodes, at.hand.own, at.limits
     names, outs, count = at.names, at.outs_s, len(at.nodes)
     roadmap = map_nodes(ground, nodes, nearest_node_pairs(nodes[:, own], limits, NEAREST_VISITS))
@@ -163,7 +193,9 @@ def _order_visits(
     for _ in range(MAX_TOUR_ROUNDS):
         order = _best_order(costs + outs[:, None] + outs[None], names, effort)
         ring = np.sort(np.stack([order, np.roll(order, -1)], axis=1), axis=1)
-        new = np.array([pair for pair in ring.tolist() if tuple(pair) not in known_pairs], dtype=np.int64)
+        new = np.array(
+            [pair for pair in ring.tolist() if tuple(pair) not in known_pairs], dtype=np.int64
+        )
         if not len(new) or count < 3:
             break
         roadmap = replace(

@@ -1,8 +1,9 @@
 """From a problem to a plan with motions: poses first, and a new plan where a step has no motion.
 
-A step without a motion becomes a condition of its operator (`bars`), and planning goes on: where measurements are made in an order,
-only from the measurement of that step on, until all is as it was. When every step moves, its real
-time replaces the declared one, the steps are scheduled again, and the plan passes the gate with these times.
+A step without a motion becomes a condition of its operator (`bars`), and planning goes on: where
+measurements are made in an order, only from the measurement of that step on, until all is as it
+was. When every step moves, its real time replaces the declared one, the steps are scheduled again,
+and the plan passes the gate with these times.
 """
 
 import math
@@ -33,7 +34,10 @@ from cellwright.engine.pipelines.planning.goal_selection import (
 )
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.planning.plan_objective import Run
-from cellwright.engine.pipelines.planning.restrictions import forbid_unreachable_steps, refusal_sentence
+from cellwright.engine.pipelines.planning.restrictions import (
+    forbid_unreachable_steps,
+    refusal_sentence,
+)
 from cellwright.engine.pipelines.planning.timetable import keep_plan_order, own_order, time_plan
 from cellwright.engine.pipelines.planning.timetable.kept_order import MAX_SCHEDULED_STEPS
 from cellwright.engine.pipelines.planning.timetable.step_order import by_step
@@ -56,10 +60,11 @@ MAX_PASSING_ROUNDS = 4  # schedules, each of whose order is walked through again
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovingRun:
-    """A run whose plan moves. `problem` has the real times of the steps, `steps` their motions, `refused` what had none.
+    """A run whose plan moves. `problem` has the real times of the steps, `steps` their motions,
+    `refused` what had none.
 
-    `given_up` are goals about measurements that no arm can take; `problem` is without them. `sharing` says how several arms keep
-    apart. `walk` knows the motions of the steps, and the cell.
+    `given_up` are goals about measurements that no arm can take; `problem` is without them.
+    `sharing` says how several arms keep apart. `walk` knows the motions of the steps, and the cell.
     """
 
     run: Run
@@ -82,9 +87,10 @@ def plan_moving(
 ) -> MovingRun:
     """A plan for the problem, by `planned`, in which every step moves.
 
-    `ways` are straight ways into places that are known already. `lost` says why no arm can take some measurements. Goals about
-    them are given up, and so are goals about measurements whose place is refused, if there is no plan with them.
-    Raises `InvalidInput` for a cell without operations.
+    `ways` are straight ways into places that are known already. `lost` says why no arm can take
+    some measurements. Goals about them are given up, and so are goals about measurements whose
+    place is refused, if there is no plan with them. Raises `InvalidInput` for a cell without
+    operations.
     """
     _require_operations(cell)
     refused: list[Unmoved] = []
@@ -101,7 +107,9 @@ def plan_moving(
             outcome = _without_refused_steps(run.outcome, refused)
             if remaining is problem and lost and isinstance(outcome, Infeasible):
                 outcome = replace(outcome, reason=NOTHING_LEFT)
-            return MovingRun(Run(outcome), problem, (), tuple(refused), given_up or all_lost(problem, lost))
+            return MovingRun(
+                Run(outcome), problem, (), tuple(refused), given_up or all_lost(problem, lost)
+            )
         steps = list(walk.steps(run.outcome.plan))
         if steps and isinstance(steps[-1], Unmoved):
             refused, last = [*refused, steps[-1]], run
@@ -114,10 +122,14 @@ def plan_moving(
 
 
 def _patch_run(problem: Problem, last: Run, failed: StepId, seed: int) -> Run | None:
-    """The last run with the part of a step replanned that has no motion, if it follows a sequence and the rest can stay."""
+    """The last run with the part of a step replanned that has no motion, if it follows a
+    sequence and the rest can stay.
+    """
     if last.itinerary is None or not isinstance(last.outcome, Found):
         return None
-    patched_outcome = patch_plan(problem, last.outcome.plan, last.itinerary, failed, SearchLimits(seed=seed))
+    patched_outcome = patch_plan(
+        problem, last.outcome.plan, last.itinerary, failed, SearchLimits(seed=seed)
+    )
     if not isinstance(patched_outcome, Found):
         return None if patched_outcome is None else Run(patched_outcome, None, last.itinerary)
     return Run(patched_outcome, keep_plan_order(problem, patched_outcome.plan), last.itinerary)
@@ -126,7 +138,9 @@ def _patch_run(problem: Problem, last: Run, failed: StepId, seed: int) -> Run | 
 def _lost_measurements(
     problem: Problem, refused: Sequence[Unmoved], lost: Mapping[str, str]
 ) -> dict[str, str]:
-    """The measurements whose places have refused steps, with the reasons, but for those that are known to be lost."""
+    """The measurements whose places have refused steps, with the reasons, but for those that
+    are known to be lost.
+    """
     words, lost_names = problem.domain.conventions, dict[str, str]()
     for unmoved in refused:
         name = measured_at(words, unmoved.place)
@@ -137,8 +151,13 @@ def _lost_measurements(
 
 def _require_operations(cell: Cell) -> None:
     if not cell.operations:
-        hint = "say what the arm does in a step under `operations:`, such as pick(Item, Place): {at: Place}"
-        raise InvalidInput([Diagnostic(Source(cell.path), "K405", "the cell declares no operations", hint)])
+        hint = (
+            "say what the arm does in a step under `operations:`, such as pick(Item, Place): "
+            "{at: Place}"
+        )
+        raise InvalidInput(
+            [Diagnostic(Source(cell.path), "K405", "the cell declares no operations", hint)]
+        )
 
 
 def _without_refused_steps(outcome: Outcome, refused: Sequence[Unmoved]) -> Outcome:
@@ -148,12 +167,16 @@ def _without_refused_steps(outcome: Outcome, refused: Sequence[Unmoved]) -> Outc
     reason = f"{outcome.reason}; {refusal_sentence(refused)}"
     if all(unmoved.sure for unmoved in refused):
         return replace(outcome, reason=reason)
-    return GaveUp(f"{reason}. Whether there really is no way was not proved", "work", outcome.statistics)
+    return GaveUp(
+        f"{reason}. Whether there really is no way was not proved", "work", outcome.statistics
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _AskedProblem:
-    """The problem as it was given, and without the steps that have no motion; the arm that walks through its plans."""
+    """The problem as it was given, and without the steps that have no motion; the arm that
+    walks through its plans.
+    """
 
     problem: Problem
     barred: Problem
@@ -163,7 +186,9 @@ class _AskedProblem:
 def _in_real_time(
     asked: _AskedProblem, run: Run, steps: list[MovedStep], refused: Sequence[Unmoved]
 ) -> MovingRun:
-    """The plan with the times of its motions, in the best order that is found; in its own order if no order settles."""
+    """The plan with the times of its motions, in the best order that is found; in its own order
+    if no order settles.
+    """
     assert isinstance(run.outcome, Found)
     plan = run.outcome.plan
     for _ in range(MAX_PASSING_ROUNDS):
@@ -192,9 +217,15 @@ def _step_sequence(plan: Plan) -> list[tuple[StepId, Function]]:
 
 
 def _moving_run(
-    asked: _AskedProblem, run: Run, table: Timetable, steps: Sequence[MovedStep], refused: Sequence[Unmoved]
+    asked: _AskedProblem,
+    run: Run,
+    table: Timetable,
+    steps: Sequence[MovedStep],
+    refused: Sequence[Unmoved],
 ) -> MovingRun:
-    """The answer, which has passed the gate with the times of its motions in place of those of the domain."""
+    """The answer, which has passed the gate with the times of its motions in place of those of
+    the domain.
+    """
     assert isinstance(run.outcome, Found)
     sharing = None
     if len(asked.walk.cell.arms) > 1:
@@ -235,7 +266,9 @@ def _as_table(asked: _AskedProblem, table: Timetable, shared: PassingPlan) -> Ti
 
 
 def _real_times(steps: Sequence[MovedStep], problem: Problem) -> Mapping[Function, int]:
-    """How long each step lasts, in the domain's unit, rounded up; the longest time of those with the same name."""
+    """How long each step lasts, in the domain's unit, rounded up; the longest time of those
+    with the same name.
+    """
     unit = float(SECONDS_PER_UNIT[problem.domain.time_unit])
     durations = dict(problem.durations)
     longest: dict[Function, int] = {}
@@ -248,12 +281,16 @@ def _real_times(steps: Sequence[MovedStep], problem: Problem) -> Mapping[Functio
 def with_times(problem: Problem, plan: Plan, steps: Sequence[MovedStep]) -> tuple[Problem, Plan]:
     """The problem and the plan with the times of motions."""
     times = _real_times(steps, problem)
-    lasting = tuple(replace(step, duration=times.get(step.operator, step.duration)) for step in plan.steps)
+    lasting = tuple(
+        replace(step, duration=times.get(step.operator, step.duration)) for step in plan.steps
+    )
     return replace(problem, durations=times), replace(plan, steps=lasting)
 
 
 def _schedule_run(problem: Problem, plan: Plan, run: Run) -> Timetable | None:
-    """The plan in the best order that is found with these times; a sequence of measurements keeps its order."""
+    """The plan in the best order that is found with these times; a sequence of measurements
+    keeps its order.
+    """
     if run.itinerary is not None or len(plan.steps) > MAX_SCHEDULED_STEPS:
         return keep_plan_order(problem, plan)
     timetable = time_plan(problem, task_for(problem, plan), plan)
@@ -262,7 +299,9 @@ def _schedule_run(problem: Problem, plan: Plan, run: Run) -> Timetable | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovingInspection:
-    """A plan that moves, and what is known of the poses of its measurements; None if it has no measurements."""
+    """A plan that moves, and what is known of the poses of its measurements; None if it has no
+    measurements.
+    """
 
     moving: MovingRun
     knowledge: PoseKnowledge | None = None
@@ -276,10 +315,12 @@ def plan_with_poses(
     seed: int = 0,
     store: str = "",
 ) -> MovingInspection:
-    """A plan in which every step moves. Poses come from the store, if one is given, and are kept there. Raises `InvalidInput`.
+    """A plan in which every step moves. Poses come from the store, if one is given, and are kept
+    there. Raises `InvalidInput`.
 
-    Goals about measurements that no station reaches are given up. Where several arms share measurements, the sequence finds out who
-    reaches them, and the walk through the plan finds the poses.
+    Goals about measurements that no station reaches are given up. Where several arms share
+    measurements, the sequence finds out who reaches them, and the walk through the plan finds the
+    poses.
     """
     if not chooses_tools(problem.domain) or is_shared(problem):
         return MovingInspection(plan_moving(problem, cell, backend, planned, seed))
@@ -298,7 +339,9 @@ def known_ways(problem: Problem, cell: Cell, backend: GeometryBackend, store: st
 
 
 def _of_wanted(problem: Problem, cell: Cell, backend: GeometryBackend, store: str) -> PoseKnowledge:
-    """The poses of the measurements that are asked for: a few of a large part take no longer than those few."""
+    """The poses of the measurements that are asked for: a few of a large part take no longer
+    than those few.
+    """
     only = asked_for(problem)
     if store:
         return kept_poses(store, problem, cell, backend, only)

@@ -16,13 +16,24 @@ from cellwright.engine.pipelines.motion.step_motion import StepMotion, guide_val
 from cellwright.engine.pipelines.motion.two_arm_steps import TwoArmStep
 from cellwright.engine.ports import GeometryBackend
 from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import InverseKinematics
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.engine.stages.validation.step_changes import State
 from cellwright.kb.model.cell_model import Cell, Ends, Location, Operation, Place
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.syntax import SECONDS_PER_UNIT
-from cellwright.kb.terms import Atom, Function, Term, Variable, match_term, substitute_term, term_variables
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Term,
+    Variable,
+    match_term,
+    substitute_term,
+    term_variables,
+)
 
 
 def states_of(semantics: Semantics, plan: Plan) -> Iterator[tuple[Step, State, State]]:
@@ -35,7 +46,9 @@ def states_of(semantics: Semantics, plan: Plan) -> Iterator[tuple[Step, State, S
 
 
 def steps_by_start(plan: Plan) -> list[Step]:
-    """The steps in the order of the earliest starts; of those that start together, in the order of the plan."""
+    """The steps in the order of the earliest starts; of those that start together, in the order
+    of the plan.
+    """
     starts = earliest_starts(plan)
     place = {step.id: number for number, step in enumerate(plan.steps)}
     return sorted(plan.steps, key=lambda step_entry: (starts[step_entry.id], place[step_entry.id]))
@@ -50,17 +63,23 @@ def after_step(semantics: Semantics, step: Step, state: State) -> State:
     return (state - change.ends) | change.adds
 
 
-_Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, tuple[tuple[bytes, str, bool], ...]]
+_Situation = tuple[
+    Function, frozenset[Atom], frozenset[Atom], bytes, tuple[tuple[bytes, str, bool], ...]
+]
 _Stand = tuple[str, Floats, Front | None]  # an arm, its configuration, and what it stands before
 _Outcome = tuple[MovedStep | Unmoved, tuple[_Stand, ...]]
 
 
-Ways = Mapping[tuple[str, str], Sequence[Floats]]  # straight ways (m, k) into a place, from a station
+# straight ways (m, k) into a place, from a station
+Ways = Mapping[tuple[str, str], Sequence[Floats]]
 
 
 @dataclass(eq=False)
 class PlanWalk:
-    """What an arm does through plans for one problem. What was found for a step in a situation is kept for the next plan."""
+    """What an arm does through plans for one problem.
+
+    What was found for a step in a situation is kept for the next plan.
+    """
 
     semantics: Semantics
     cell: Cell
@@ -72,7 +91,9 @@ class PlanWalk:
         default_factory=dict
     )  # poses (4, 4) of bodies that no fact puts anywhere
     _last: tuple[State, frozenset[Atom]] = (frozenset(), frozenset())
-    _rooms: dict[tuple[frozenset[Atom], bytes, tuple[str, ...]], CellState] = field(default_factory=dict)
+    _rooms: dict[tuple[frozenset[Atom], bytes, tuple[str, ...]], CellState] = field(
+        default_factory=dict
+    )
     _known: dict[_Situation, _Outcome] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -85,9 +106,11 @@ class PlanWalk:
     def steps(
         self, plan: Plan, home: Collection[StepId] = (), start: Where | None = None
     ) -> Iterator[MovedStep | Unmoved]:
-        """The motion of each step that has one, in the order of the earliest starts; the first without one is the last.
+        """The motion of each step that has one, in the order of the earliest starts; the first
+        without one is the last.
 
-        After the steps in `home` the arm goes to where it rests. Arms begin where they rest, or where `start` has them.
+        After the steps in `home` the arm goes to where it rests. Arms begin where they rest, or
+        where `start` has them.
         """
         self.hands.go_home()
         self.hands.put(start or {})
@@ -102,12 +125,20 @@ class PlanWalk:
             if isinstance(motion, Unmoved):
                 return
 
-    def step(self, step: Step, operation: Operation, before: State, after: State) -> MovedStep | Unmoved:
+    def step(
+        self, step: Step, operation: Operation, before: State, after: State
+    ) -> MovedStep | Unmoved:
         """The motion of one step from where the arm is now; the arm is at its end then."""
         if operation.drives:
             return self._driven(step, operation, before, after)
-        ends = [place_term for place_term in (operation.at, operation.with_place) if place_term is not None]
-        lacking = next((place_term for place_term in ends if str(place_term) not in self.cell.places), None)
+        ends = [
+            place_term
+            for place_term in (operation.at, operation.with_place)
+            if place_term is not None
+        ]
+        lacking = next(
+            (place_term for place_term in ends if str(place_term) not in self.cell.places), None
+        )
         if lacking is not None or operation.at is None:
             message = f"{lacking} has no place in the cell"
             return Unmoved(step.id, step.operator, str(lacking), "reach", message, sure=True)
@@ -123,7 +154,9 @@ class PlanWalk:
         return replace(motion, step=step.id)
 
     def then_home(self, moved: MovedStep, after: State) -> MovedStep:
-        """The step, after which its arms go home one by one; one stays where it is if no way leads there."""
+        """The step, after which its arms go home one by one; one stays where it is if no way
+        leads there.
+        """
         legs = list(moved.legs)
         for arm in dict.fromkeys(leg.arm for leg in moved.legs):
             home_leg = self.homeward(arm, after)
@@ -131,7 +164,9 @@ class PlanWalk:
         return replace(moved, legs=tuple(legs))
 
     def homeward(self, arm: str, state: State) -> StepLeg | None:
-        """The proved way of an arm to where it rests, where it then is; None if it stays because no way leads there."""
+        """The proved way of an arm to where it rests, where it then is; None if it stays
+        because no way leads there.
+        """
         home = GeometricWorld.of(self.cell).configurations[arm]
         home_leg = self.hands.way(self.room(state, (arm,)), arm, home[None])
         if not isinstance(home_leg, StepLeg) or not home_leg.proved:
@@ -139,18 +174,29 @@ class PlanWalk:
         self.hands.arrive(arm, home, None)
         return home_leg
 
-    def _situation(self, step: Step, arms: tuple[str, ...], before: State, after: State) -> _Situation:
+    def _situation(
+        self, step: Step, arms: tuple[str, ...], before: State, after: State
+    ) -> _Situation:
         stand = []
         for arm in arms:
             front = self.hands.standing(arm)
             front_place, inside = (front.place, front.inside) if front else ("", False)
             stand.append((self.hands.now(arm).tobytes(), front_place, inside))
-        return (step.operator, self._located(before), self._located(after), self._lying, tuple(stand))
+        return (
+            step.operator,
+            self._located(before),
+            self._located(after),
+            self._lying,
+            tuple(stand),
+        )
 
     def _refined(
         self, step: Step, operation: Operation, arms: tuple[str, ...], before: State, after: State
     ) -> MovedStep | Unmoved:
-        place, rooms = self.cell.places[str(operation.at)], (self.room(before, arms), self.room(after, arms))
+        place, rooms = (
+            self.cell.places[str(operation.at)],
+            (self.room(before, arms), self.room(after, arms)),
+        )
         known_ways = self._known_ways(place, before)
         if len(arms) > 1:
             motion = TwoArmStep(self.hands, step, operation, *rooms, known_ways).moved()
@@ -162,12 +208,16 @@ class PlanWalk:
             rooms[0].world, place, {*motion.culprits, *bodies_held(rooms[0].world, place.arm)}
         )
         while_true = placing_facts(self.cell, before, standing)
-        return replace(motion, while_true=while_true, regardless=self._regardless(motion, operation))
+        return replace(
+            motion, while_true=while_true, regardless=self._regardless(motion, operation)
+        )
 
     def _regardless(self, unmoved: Unmoved, operation: Operation) -> frozenset[int]:
-        """The arguments of a refused step that do not matter: those that its place does not name, where only the place refuses.
+        """The arguments of a refused step that do not matter: those that its place does not name,
+        where only the place refuses.
 
-        A way depends on where the arm comes from, a step back out of the place on what the step does there.
+        A way depends on where the arm comes from, a step back out of the place on what the step
+        does there.
         """
         own = [
             alternative
@@ -186,7 +236,9 @@ class PlanWalk:
         )
 
     def room(self, state: State, arms: tuple[str, ...] = ()) -> CellState:
-        """The cell in a state as some arms meet it, alone or with each other; with all arms at rest if none are named."""
+        """The cell in a state as some arms meet it, alone or with each other; with all arms at
+        rest if none are named.
+        """
         facts = self._located(state)
         key = facts, self._lying, arms
         if key not in self._rooms:
@@ -203,7 +255,10 @@ class PlanWalk:
         return b"".join(name.encode() + T.tobytes() for name, T in sorted(self.lying.items()))
 
     def _located(self, state: State) -> frozenset[Atom]:
-        """The facts of a state that put a body somewhere. What the last state had in common with it is not looked at again."""
+        """The facts of a state that put a body somewhere.
+
+        What the last state had in common with it is not looked at again.
+        """
         last, last_facts = self._last
         if state is not last:
             new, gone = state - last, last - state
@@ -218,11 +273,17 @@ class PlanWalk:
             self._last = state, last_facts
         return last_facts
 
-    def _driven(self, step: Step, operation: Operation, before: State, after: State) -> MovedStep | Unmoved:
-        """The arm rests while the body that carries it goes along its joint; it goes home first if it would touch something."""
+    def _driven(
+        self, step: Step, operation: Operation, before: State, after: State
+    ) -> MovedStep | Unmoved:
+        """The arm rests while the body that carries it goes along its joint; it goes home first
+        if it would touch something.
+        """
         body = operation.drives
         arms = arms_of_step(self.cell, step.operator, operation)
-        arm = next(name for name in arms if body in GeometricWorld.of(self.cell).supports(f"{name}.base"))
+        arm = next(
+            name for name in arms if body in GeometricWorld.of(self.cell).supports(f"{name}.base")
+        )
         rooms = self.room(before, (arm,)), self.room(after, (arm,))
         ride = BodyRide.of(
             rooms[0], body, guide_value(rooms[0].world, body), guide_value(rooms[1].world, body)
@@ -242,7 +303,9 @@ class PlanWalk:
         self.hands.arrive(arm, self.hands.now(arm), None)
         q = self.hands.now(arm)[None]
         proved = ride.proved(self._whole(rooms[0], arm))
-        legs.append(StepLeg(LegKind.DRIVE, arm, q, np.zeros(1), proved, bodies_held(rooms[0].world, arm)))
+        legs.append(
+            StepLeg(LegKind.DRIVE, arm, q, np.zeros(1), proved, bodies_held(rooms[0].world, arm))
+        )
         takes = max(operation.takes_s, step.duration * self._unit_s)
         return MovedStep(step.id, step.operator, body, tuple(legs), takes)
 
@@ -256,7 +319,9 @@ class PlanWalk:
             return ()
         stations = [str(fact.arguments[-1]) for fact in self._located(state) if fact.arguments]
         ways_found = (self.ways.get((place.name, station)) for station in (*sorted(stations), ""))
-        return next((ways_of_place for ways_of_place in ways_found if ways_of_place is not None), ())
+        return next(
+            (ways_of_place for ways_of_place in ways_found if ways_of_place is not None), ()
+        )
 
     @property
     def _unit_s(self) -> float:
@@ -264,7 +329,9 @@ class PlanWalk:
 
 
 def operation_of(cell: Cell, step: Function) -> Operation | None:
-    """What an arm does in a step, its place without variables; None if the cell declares nothing for it."""
+    """What an arm does in a step, its place without variables; None if the cell declares
+    nothing for it.
+    """
     for operation in cell.operations:
         bindings = match_term(operation.operator, step, {})
         if bindings is not None:
@@ -290,7 +357,9 @@ def _arm_own_place(cell: Cell, place: Term | None, step: Function) -> Term | Non
 
 
 def _carrying_bodies(world: GeometricWorld, place: Place, bodies: set[str]) -> set[str]:
-    """Some bodies, and all that carries them, the arm or the place: what stands where decides whether the arm gets there."""
+    """Some bodies, and all that carries them, the arm or the place: what stands where decides
+    whether the arm gets there.
+    """
     ends = (*bodies, f"{place.arm}.base", place.placement.parent)
     return {on for end_name in ends for on in world.supports(end_name)}
 

@@ -1,8 +1,9 @@
 """Digests of what the poses of a measurement depend on: equal digests keep them valid.
 
-The first digest is of the arm, the tool and the place. The second is of every shape of a body that is near: whose box meets a box
-of what the arm and its tool touch in the poses that the answer rests on. What is outside of these boxes cannot have changed the
-answer. Shapes are asked one by one: a body such as the ribs of a part is everywhere, and one of its ribs is not.
+The first digest is of the arm, the tool and the place. The second is of every shape of a body that
+is near: whose box meets a box of what the arm and its tool touch in the poses that the answer rests
+on. What is outside of these boxes cannot have changed the answer. Shapes are asked one by one: a
+body such as the ribs of a part is everywhere, and one of its ribs is not.
 """
 
 import hashlib
@@ -34,14 +35,20 @@ class ArmFooting:
         self._T_base_world = world.pose(f"{arm}.base", "world")
         self._world = world
         parts = (mounted.arm, mounted.tool, mounted.home, body and (body.shapes, body.features))
-        self._same = _digest_of((*parts, _rounded_pose(transforms.inverse(self._T_base_world)), cell.allowed))
+        self._same = _digest_of(
+            (*parts, _rounded_pose(transforms.inverse(self._T_base_world)), cell.allowed)
+        )
 
     def digest(self, place: Place, how: object) -> str:
-        """The digest of all that, of the place as seen from the arm's base, and of how the measurement is taken."""
+        """The digest of all that, of the place as seen from the arm's base, and of how the
+        measurement is taken.
+        """
         at = self._T_base_world @ self._world.pose("world", place.placement.parent)
         at = at @ transforms.of_pose(place.placement.pose)
         allowed = (place.touches, place.depth_m, place.patch_m)
-        return _digest_of((self._same, _rounded_pose(at), place.approach_m, place.turns, *allowed, how))
+        return _digest_of(
+            (self._same, _rounded_pose(at), place.approach_m, place.turns, *allowed, how)
+        )
 
 
 class StandingBodies:
@@ -64,7 +71,9 @@ class StandingBodies:
             return ()
         low, high = np.swapaxes(np.array(boxes), 0, 1)[:, None]
         own_low, own_high = np.swapaxes(self._boxes, 0, 1)[:, :, None]
-        return np.flatnonzero(((own_low <= high) & (own_high >= low)).all(axis=2).any(axis=1)).tolist()
+        return np.flatnonzero(
+            ((own_low <= high) & (own_high >= low)).all(axis=2).any(axis=1)
+        ).tolist()
 
 
 def _of_shape(world: GeometricWorld, body: str, placed: PlacedShape) -> str:
@@ -75,14 +84,18 @@ def _of_shape(world: GeometricWorld, body: str, placed: PlacedShape) -> str:
 def _box_of_shape(world: GeometricWorld, body: str, placed: PlacedShape) -> tuple[Floats, Floats]:
     """The least and greatest corner of a shape of a body along the axes of the world."""
     at = world.pose("world", body) @ transforms.of_pose(placed.pose)
-    corners = [(transforms.apply(at, core.vertices), core.radius_m) for core in shape_cores(placed.shape)]
+    corners = [
+        (transforms.apply(at, core.vertices), core.radius_m) for core in shape_cores(placed.shape)
+    ]
     lows = [shape_corners.min(axis=0) - radius for shape_corners, radius in corners]
     highs = [shape_corners.max(axis=0) + radius for shape_corners, radius in corners]
     return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
 def boxes_of(room: CellState, place: Place, configurations: Sequence[Floats]) -> tuple[Box, ...]:
-    """For each carrier of the arm the box of all that moves with it in some configurations (k,), grown by the margin."""
+    """For each carrier of the arm the box of all that moves with it in some configurations
+    (k,), grown by the margin.
+    """
     if not configurations:
         return ()
     scene = room.checker(place).scene
@@ -93,19 +106,28 @@ def boxes_of(room: CellState, place: Place, configurations: Sequence[Floats]) ->
             continue
         middle = piece.vertices.mean(axis=0)
         grown = (
-            float(np.linalg.norm(piece.vertices - middle, axis=1).max()) + piece.radius_m + DIGEST_MARGIN_M
+            float(np.linalg.norm(piece.vertices - middle, axis=1).max())
+            + piece.radius_m
+            + DIGEST_MARGIN_M
         )
         at = transforms.apply(piece.T_carrier_piece, middle[None])[0]
         centres = poses[:, piece.carrier, :3, :3] @ at + poses[:, piece.carrier, :3, 3]
         low, high = centres.min(axis=0) - grown, centres.max(axis=0) + grown
         if piece.carrier in boxes:
-            low, high = np.minimum(low, boxes[piece.carrier][0]), np.maximum(high, boxes[piece.carrier][1])
+            low, high = (
+                np.minimum(low, boxes[piece.carrier][0]),
+                np.maximum(high, boxes[piece.carrier][1]),
+            )
         boxes[piece.carrier] = low, high
-    return tuple((_rounded_corner(low), _rounded_corner(high)) for _, (low, high) in sorted(boxes.items()))
+    return tuple(
+        (_rounded_corner(low), _rounded_corner(high)) for _, (low, high) in sorted(boxes.items())
+    )
 
 
 def box_of(views: Sequence[PatchView]) -> tuple[Box, ...]:
-    """The box of all that a scanner looks through, grown by the margin; empty if it looks through nothing."""
+    """The box of all that a scanner looks through, grown by the margin; empty if it looks
+    through nothing.
+    """
     if not views:
         return ()
     low, high = np.swapaxes(np.array([view.box() for view in views]), 0, 1)
@@ -136,7 +158,9 @@ def _digest_of(parts: object) -> str:
 
 
 def _plain_value(value: object) -> object:
-    """The same for values that are equal, in every process: sets and mappings are sorted, and what does not count is left out."""
+    """The same for values that are equal, in every process: sets and mappings are sorted, and
+    what does not count is left out.
+    """
     if is_dataclass(value) and not isinstance(value, type):
         own = [_plain_value(getattr(value, field.name)) for field in fields(value) if field.compare]
         return (type(value).__name__, *own)

@@ -10,8 +10,18 @@ from cellwright.engine.kernels.arrays import Floats, Truths
 from cellwright.engine.model.arm_poses import MeasurementPoses
 from cellwright.engine.model.geometry import Solid
 from cellwright.engine.pipelines.motion.cell_state import BRANCH_JUMP, CellState
-from cellwright.engine.pipelines.motion.pose_digests import ArmFooting, StandingBodies, box_of, boxes_of
-from cellwright.engine.pipelines.motion.ranging_views import box_looked_at, eye_of, patch_of, solids_before
+from cellwright.engine.pipelines.motion.pose_digests import (
+    ArmFooting,
+    StandingBodies,
+    box_of,
+    boxes_of,
+)
+from cellwright.engine.pipelines.motion.ranging_views import (
+    box_looked_at,
+    eye_of,
+    patch_of,
+    solids_before,
+)
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.reach.place_reachability import UnreachedPlace
 from cellwright.engine.stages.geometry.reach.scanner_view import PatchView
@@ -21,14 +31,18 @@ from cellwright.kb.model.cell_model import Measuring, Patch, Place, Placement, R
 MAX_KEPT_WAYS = 6  # ways that are kept of a place
 MAX_TRIED_WAYS = 48  # free configurations whose way in is looked at
 OF_A_BRANCH = (
-    2  # ways that are kept of one branch: an arm with a large tool may not get from one branch to another
+    # ways that are kept of one branch: an arm with a large tool may not get from one branch to
+    # another
+    2
 )
 WAYS_AT_ONCE = 8  # of them, those that are looked at together
 
 
 @dataclass(eq=False)
 class WaysIntoPlace:
-    """The ways (m, k) into one place that were found, and the configurations (n, k) that this rests on."""
+    """The ways (m, k) into one place that were found, and the configurations (n, k) that this
+    rests on.
+    """
 
     place: Place
     poses: Floats
@@ -55,8 +69,8 @@ class WaysIntoPlace:
                 yield number
 
     def take(self, number: int, path: Floats | None, room: CellState) -> None:
-        """Look at the way of one candidate, and keep it if it is free. Candidates come in order; one that is not needed is not
-        looked at.
+        """Look at the way of one candidate, and keep it if it is free. Candidates come in order;
+        one that is not needed is not looked at.
         """
         if len(self.ways) == MAX_KEPT_WAYS or self._is_crowded(self.poses[number]):
             return
@@ -72,8 +86,12 @@ class WaysIntoPlace:
             self._see(len(self.poses))
 
     def _is_crowded(self, q: Floats) -> bool:
-        """Whether enough ways end in the branch of a configuration (k,): the last joint does not make another branch."""
-        same = [np.abs(path[-1][:-1] - q[:-1]).max(initial=0.0) <= BRANCH_JUMP for path in self.ways]
+        """Whether enough ways end in the branch of a configuration (k,): the last joint does
+        not make another branch.
+        """
+        same = [
+            np.abs(path[-1][:-1] - q[:-1]).max(initial=0.0) <= BRANCH_JUMP for path in self.ways
+        ]
         return same.count(True) >= OF_A_BRANCH
 
     def _see(self, upto: int) -> None:
@@ -84,7 +102,8 @@ class WaysIntoPlace:
 def ways_into(room: CellState, places: Sequence[Place]) -> list[WaysIntoPlace]:
     """For each place the straight ways in that are free, the nearest to the arm's rest first.
 
-    The places take one arm, one tool, one approach, and touch the same. The answer for each is what it would be alone.
+    The places take one arm, one tool, one approach, and touch the same. The answer for each is what
+    it would be alone.
     """
     if not places:
         return []
@@ -120,7 +139,10 @@ PATCH_SIZES = 5  # sizes of a patch that are tried
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SoughtMeasurement:
-    """A measurement whose poses are sought at a place. `width_m` is how wide it is (0: as large as a patch may be)."""
+    """A measurement whose poses are sought at a place.
+
+    `width_m` is how wide it is (0: as large as a patch may be).
+    """
 
     measurement: str
     place: Place
@@ -135,7 +157,8 @@ def found_poses(
     sought: Sequence[SoughtMeasurement],
     station: str,
 ) -> list[MeasurementPoses]:
-    """For each measurement the poses of the first allowed tilt that has any, the nearest to the arm's rest first.
+    """For each measurement the poses of the first allowed tilt that has any, the nearest to the
+    arm's rest first.
 
     All are taken with one arm and one tool, in one way.
     """
@@ -197,23 +220,32 @@ def _with_best_patch(
     ranging: Ranging,
     solids: Mapping[str, Solid],
 ) -> MeasurementPoses:
-    """The poses with the patch that leaves the least uncertainty from the first of them, no wider than the one that all see.
+    """The poses with the patch that leaves the least uncertainty from the first of them, no wider
+    than the one that all see.
 
-    The box of all that the choice looked at is kept, too. Where no patch fits on the surface, the one before stays.
+    The box of all that the choice looked at is kept, too. Where no patch fits on the surface, the
+    one before stays.
     """
-    eye = eye_of(room.world, measurement.place, measurement.how, ranging, poses.straight[0][-1], solids)
+    eye = eye_of(
+        room.world, measurement.place, measurement.how, ranging, poses.straight[0][-1], solids
+    )
     at = measurement.place.surface or measurement.place.placement
     surface = room.world.pose("world", at.parent) @ transforms.of_pose(at.pose)
     point, back = surface[:3, 3], transforms.inverse(eye.T_world_eye)
     most = max(measurement.how.patch_m[0], *(poses.patch.size_m if poses.patch else (0.0,)))
     own = transforms.apply(back, point[None])[0]
     sides = (min(measurement.how.patch_m[0], most), most)
-    placed_patch = place_patch(list(eye.bodies.values()), ranging, own, back[:3, :3] @ -surface[:3, 2], sides)
+    placed_patch = place_patch(
+        list(eye.bodies.values()), ranging, own, back[:3, :3] @ -surface[:3, 2], sides
+    )
     searched = (box_looked_at(eye, point, 2.0 * most),)
     if placed_patch is None:
         return replace(poses, boxes=searched)
     return replace(
-        poses, patch=patch_of(eye, placed_patch, point), sigma_m=placed_patch.sigma_m, boxes=searched
+        poses,
+        patch=patch_of(eye, placed_patch, point),
+        sigma_m=placed_patch.sigma_m,
+        boxes=searched,
     )
 
 
@@ -238,7 +270,9 @@ def _tilted_places(place: Place, tilt: float) -> Iterator[Place]:
 def _middle_patch(
     room: CellState, measurement: SoughtMeasurement, ways: Sequence[Floats], tilt: float
 ) -> Patch:
-    """A patch in the middle of the picture, foreshortened by the tilt: as large as what is looked at, or as all ways let see."""
+    """A patch in the middle of the picture, foreshortened by the tilt: as large as what is
+    looked at, or as all ways let see.
+    """
     least, most = measurement.how.patch_m
     wanted_side = min(max(measurement.width_m or most, least), most, measurement.how.field_m)
     for side in np.linspace(wanted_side, least, PATCH_SIZES):

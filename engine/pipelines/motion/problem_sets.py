@@ -21,8 +21,17 @@ from cellwright.engine.pipelines.jobs import (
     carried_out,
     show_nothing,
 )
-from cellwright.engine.pipelines.jobs.input_digests import content_digest, require_same, shared_store
-from cellwright.engine.pipelines.motion.arm_motion import ArmMotion, MotionSite, MotionWish, plan_named_motion
+from cellwright.engine.pipelines.jobs.input_digests import (
+    content_digest,
+    require_same,
+    shared_store,
+)
+from cellwright.engine.pipelines.motion.arm_motion import (
+    ArmMotion,
+    MotionSite,
+    MotionWish,
+    plan_named_motion,
+)
 from cellwright.engine.pipelines.motion.motion_legs import arm_named, tool_of
 from cellwright.engine.pipelines.motion.travel_times import (
     TravelStations,
@@ -53,7 +62,9 @@ class MotionProblem:
 
 @dataclass(frozen=True, slots=True)
 class ReplayedAnswer:
-    """What the planner made of a problem: a status, the time of the motion (s), and a digest of its path."""
+    """What the planner made of a problem: a status, the time of the motion (s), and a digest of
+    its path.
+    """
 
     problem: MotionProblem
     status: str
@@ -73,13 +84,18 @@ class ReplayedAnswer:
         return None if self.problem.answer is None else dict(self.problem.answer) == self.content
 
 
-def draw_motion_problems(site: MotionSite, count: int, seed: int, tool: str = "") -> list[MotionProblem]:
-    """Problems between free configurations of the first arm, every second one to a place of the cell that takes the same tool."""
+def draw_motion_problems(
+    site: MotionSite, count: int, seed: int, tool: str = ""
+) -> list[MotionProblem]:
+    """Problems between free configurations of the first arm, every second one to a place of the
+    cell that takes the same tool.
+    """
     cell, rng = site.world.cell, np.random.default_rng(seed)
     arm, tool = arm_named("", cell, "TARGET"), tool_of(tool, cell)
     ground = PlanningScene(site.reach.checker(Place("", Placement(), arm, tool)))
     own = slice(
-        site.world.first_carriers[arm], site.world.first_carriers[arm] + site.world.models[arm].joints.count
+        site.world.first_carriers[arm],
+        site.world.first_carriers[arm] + site.world.models[arm].joints.count,
     )
     joints = ground.scene.joints
     low, high = np.maximum(joints.lower, -np.pi), np.minimum(joints.upper, np.pi)
@@ -88,18 +104,25 @@ def draw_motion_problems(site: MotionSite, count: int, seed: int, tool: str = ""
     free = where[ground.clearance(where, 2 * DRAWN_ROOM_M) > DRAWN_ROOM_M][: 2 * count, own]
     if len(free) < 2 * count:
         message = f"only {len(free)} of {len(where)} drawn configurations are free"
-        raise InvalidInput([Diagnostic(Source("--count"), "K705", message, "ask for fewer problems")])
-    places = [name for name, place in cell.places.items() if place.arm == arm and place.tool == tool]
+        raise InvalidInput(
+            [Diagnostic(Source("--count"), "K705", message, "ask for fewer problems")]
+        )
+    places = [
+        name for name, place in cell.places.items() if place.arm == arm and place.tool == tool
+    ]
     slides = site.world.models[arm].joints.prismatic
     named = [_joint_text(arm, q, slides) for q in free]
-    goals = [str(rng.choice(places)) if n % 2 and places else name for n, name in enumerate(named[1::2])]
+    goals = [
+        str(rng.choice(places)) if n % 2 and places else name for n, name in enumerate(named[1::2])
+    ]
     return [MotionProblem(start, goal) for start, goal in zip(named[::2], goals, strict=True)]
 
 
 def _joint_text(arm: str, q: Any, slides: Any) -> str:
     """Joint values as people write them, in degrees and metres, with all digits."""
     shown = [
-        round(float(v if slid else np.degrees(v)), ANSWER_DIGITS) for v, slid in zip(q, slides, strict=True)
+        round(float(v if slid else np.degrees(v)), ANSWER_DIGITS)
+        for v, slid in zip(q, slides, strict=True)
     ]
     return f"{arm}: {', '.join(map(str, shown))}"
 
@@ -127,7 +150,9 @@ def _summarise_motion(problem: MotionProblem, motion: ArmMotion) -> ReplayedAnsw
         status = "gave up" if open_ else "infeasible"
         return ReplayedAnswer(problem, status, 0.0, False, looked, "")
     digest = hashlib.sha256(np.ascontiguousarray(motion.path()).tobytes()).hexdigest()[:16]
-    return ReplayedAnswer(problem, "found", motion.times.duration_s, motion.proved, answer.looked, digest)
+    return ReplayedAnswer(
+        problem, "found", motion.times.duration_s, motion.proved, answer.looked, digest
+    )
 
 
 def problem_entries(problems: Sequence[MotionProblem]) -> list[dict[str, Any]]:
@@ -144,7 +169,9 @@ def problems_in(content: Any, path: str) -> list[MotionProblem]:
     listed = content.get("problems") if isinstance(content, dict) else None
     if not isinstance(listed, list) or not all(_is_problem(entry) for entry in listed):
         hint = 'write {"problems": [{"from": "home", "to": "0, 90, 0, 0, 0, 0"}, ...]}'
-        raise InvalidInput([Diagnostic(Source(path), "K413", "this is no set of problems for motions", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source(path), "K413", "this is no set of problems for motions", hint)]
+        )
     if not listed:
         hint = "draw some: cellwright motion problems CELL --count 20 -o SET"
         raise InvalidInput([Diagnostic(Source(path), "K413", "this set has no problems", hint)])
@@ -152,7 +179,9 @@ def problems_in(content: Any, path: str) -> list[MotionProblem]:
 
 
 def _is_problem(entry: Any) -> bool:
-    ends = isinstance(entry, dict) and all(isinstance(entry.get(key), str) for key in ("from", "to"))
+    ends = isinstance(entry, dict) and all(
+        isinstance(entry.get(key), str) for key in ("from", "to")
+    )
     return ends and isinstance(entry.get("answer", {}), dict)
 
 
@@ -182,7 +211,9 @@ class LineProofJob:
 
 @dataclass(frozen=True, slots=True)
 class ProvedLines:
-    """Which lines of a stretch are proved to be free: a character 0 or 1 for each; none if it was not finished."""
+    """Which lines of a stretch are proved to be free: a character 0 or 1 for each; none if it
+    was not finished.
+    """
 
     free: str = ""
 
@@ -196,7 +227,10 @@ def replayed_set(
     interrupted: Interrupted,
     progress: Callable[[int, int], None] = show_nothing,
 ) -> list[ReplayedAnswer]:
-    """What the planner makes of each problem, in their order. Raises `InvalidInput`, and `Stopped` if it is interrupted."""
+    """What the planner makes of each problem, in their order.
+
+    Raises `InvalidInput`, and `Stopped` if it is interrupted.
+    """
     where = str(find_target(target).absolute())
     own, key = content_digest(Path(where)), content_digest(Path(where), wish)
     jobs = [ReplayJob(where, own, problem, wish) for problem in problems]
@@ -205,7 +239,9 @@ def replayed_set(
         for n, job in enumerate(jobs)
     ]
     ledger = (
-        ResultLedger(shared_store(store), _has_answer, _answer_entry, _answer_of_entry) if store else None
+        ResultLedger(shared_store(store), _has_answer, _answer_entry, _answer_of_entry)
+        if store
+        else None
     )
     kind = WorkKind("motion set", _replay_job, _no_answer, ledger)
     replays: dict[str, ReplayedAnswer] = {}
@@ -226,7 +262,10 @@ def table_by(
     store: str,
     interrupted: Interrupted,
 ) -> TravelTable:
-    """The travel times between places; the lines between them are proved by a crew. Raises as `replayed_set` does."""
+    """The travel times between places; the lines between them are proved by a crew.
+
+    Raises as `replayed_set` does.
+    """
     where = str(find_target(target).absolute())
     own = content_digest(Path(where))
 
@@ -235,8 +274,13 @@ def table_by(
             LineProofJob(where, own, tool, wanted_places, first)
             for first in range(0, len(pairs), LINES_PER_UNIT)
         ]
-        units = [WorkUnit(f"{where} {tool} {','.join(wanted_places)} {job.first}", own, job) for job in jobs]
-        ledger = ResultLedger(shared_store(store), _is_proved, asdict, _proved_of) if store else None
+        units = [
+            WorkUnit(f"{where} {tool} {','.join(wanted_places)} {job.first}", own, job)
+            for job in jobs
+        ]
+        ledger = (
+            ResultLedger(shared_store(store), _is_proved, asdict, _proved_of) if store else None
+        )
         kind = WorkKind("lines of a table", _prove_lines, _unproved_lines, ledger)
         proofs: dict[int, str] = {}
         with contextlib.closing(carried_out(kind, units, crew, interrupted)) as answers:
@@ -252,7 +296,10 @@ def table_by(
 
 @lru_cache(maxsize=2)
 def _site_of(target: str, own: str) -> MotionSite:
-    """The cell of a target, once for many units, if it is the one that the command had. Raises `InvalidInput`."""
+    """The cell of a target, once for many units, if it is the one that the command had.
+
+    Raises `InvalidInput`.
+    """
     require_same(Path(target), own)
     return MotionSite.of(target)
 

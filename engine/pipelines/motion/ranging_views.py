@@ -16,13 +16,19 @@ from cellwright.engine.stages.geometry.pictures.picture_surfaces import mesh_of
 from cellwright.engine.stages.geometry.world.collision_scene import world_pieces
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.engine.stages.vision.range_patches import PlacedPatch
-from cellwright.engine.stages.vision.sensor_images import expected_ranges, resolve_ranges, scan_solids
+from cellwright.engine.stages.vision.sensor_images import (
+    expected_ranges,
+    resolve_ranges,
+    scan_solids,
+)
 from cellwright.kb.model.cell_model import Measuring, Patch, Place, Ranging
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToolEye:
-    """Where a tool's eye is, T_world_eye (4, 4), and the bodies before it at T_eye_body (4, 4), by name."""
+    """Where a tool's eye is, T_world_eye (4, 4), and the bodies before it at T_eye_body (4, 4),
+    by name.
+    """
 
     tool: Ranging
     T_world_eye: Floats
@@ -35,7 +41,8 @@ class ToolEye:
 
 
 def solids_before(world: GeometricWorld, arm: str) -> dict[str, Solid]:
-    """The surfaces in the world that an arm's tool may see, by body: of all but the arm and what it carries.
+    """The surfaces in the world that an arm's tool may see, by body: of all but the arm and what it
+    carries.
 
     Round bodies are as coarse as their shapes for collisions.
     """
@@ -46,9 +53,12 @@ def solids_before(world: GeometricWorld, arm: str) -> dict[str, Solid]:
     for piece in world_pieces(world):
         if piece.carrier not in own:
             vertices, triangles = mesh_of(piece)
-            corners.setdefault(piece.body, []).append(apply(poses[piece.carrier], vertices)[triangles])
+            corners.setdefault(piece.body, []).append(
+                apply(poses[piece.carrier], vertices)[triangles]
+            )
     surfaces = {
-        name: np.concatenate(triangles_of_body) for name, triangles_of_body in sorted(corners.items())
+        name: np.concatenate(triangles_of_body)
+        for name, triangles_of_body in sorted(corners.items())
     }
     return {
         name: Solid(name, surface, np.zeros(len(surface), dtype=np.int64), ())
@@ -64,14 +74,17 @@ def eye_of(
     q: Floats,
     solids: Mapping[str, Solid],
 ) -> ToolEye:
-    """The eye of a place's tool with its arm at configuration `q` (k,), back along the tool's z by as much as it looks from.
+    """The eye of a place's tool with its arm at configuration `q` (k,), back along the tool's z by
+    as much as it looks from.
 
     The world holds the tool already.
     """
     at = world.moved(place.arm, q)
     back_m = how.sight.back_m if how.sight else 0.0
     features = world.cell.bodies[place.tool].features
-    T_tip_eye = inverse(transforms.of_pose(features["tip"])) @ transforms.of_pose(features[ranging.eye])
+    T_tip_eye = inverse(transforms.of_pose(features["tip"])) @ transforms.of_pose(
+        features[ranging.eye]
+    )
     tip = at.pose("world", f"{place.tool}.tip")
     T = tip @ transforms.translation(0.0, 0.0, -back_m) @ T_tip_eye
     back = inverse(T)
@@ -79,7 +92,9 @@ def eye_of(
 
 
 def patch_of(eye: ToolEye, placed: PlacedPatch, point: Floats) -> Patch:
-    """A patch as it is kept: where its middle is from that of a point (3,) of the world in the picture, in metres there."""
+    """A patch as it is kept: where its middle is from that of a point (3,) of the world in the
+    picture, in metres there.
+    """
     u, v = eye.pixel(point)
     pitch = _pitch_m(eye, point)
     window = placed.window
@@ -97,15 +112,21 @@ def window_of(eye: ToolEye, patch: Patch, point: Floats) -> PixelWindow:
     )
     right, bottom = left_px + round(patch.size_m[0] / pitch), top + round(patch.size_m[1] / pitch)
     limits = (eye.tool.width, eye.tool.height)
-    low = [min(max(0, edge_px), limit) for edge_px, limit in zip((left_px, top), limits, strict=True)]
-    high = [min(max(0, edge_px), limit) for edge_px, limit in zip((right, bottom), limits, strict=True)]
+    low = [
+        min(max(0, edge_px), limit) for edge_px, limit in zip((left_px, top), limits, strict=True)
+    ]
+    high = [
+        min(max(0, edge_px), limit) for edge_px, limit in zip((right, bottom), limits, strict=True)
+    ]
     return PixelWindow(low[0], low[1], high[0], high[1])
 
 
 def box_looked_at(eye: ToolEye, point: Floats, reach_m: float) -> Box:
     """The box of all that an eye sees up to `reach_m` beside a point (3,) of the world."""
     ends = np.stack([eye.T_world_eye[:3, 3], point - reach_m, point + reach_m])
-    low, high = ([round(float(x), 6) for x in corner] for corner in (ends.min(axis=0), ends.max(axis=0)))
+    low, high = (
+        [round(float(x), 6) for x in corner] for corner in (ends.min(axis=0), ends.max(axis=0))
+    )
     return ((low[0], low[1], low[2]), (high[0], high[1], high[2]))
 
 
@@ -126,5 +147,9 @@ def take_image(eye: ToolEye, seed: int, displaced_m: Floats | None = None) -> Ra
 
 
 def unwrap_image(eye: ToolEye, image: RangeImage, expected_to_m: float) -> RangeImage | Vague:
-    """An image with whole ranges, by where everything is expected, known to a standard deviation."""
-    return resolve_ranges(image, expected_ranges(list(eye.bodies.values()), eye.tool), expected_to_m)
+    """An image with whole ranges, by where everything is expected, known to a standard
+    deviation.
+    """
+    return resolve_ranges(
+        image, expected_ranges(list(eye.bodies.values()), eye.tool), expected_to_m
+    )

@@ -1,7 +1,7 @@
 """Bodies that are seen during a run, and the facts that put a known body where it was seen.
 
-`at` (m) and `rpy` (degrees) say where a body is in the world: its own frame if the cell knows it, else the middle of a box around it,
-whose sides are `box` (m).
+`at` (m) and `rpy` (degrees) say where a body is in the world: its own frame if the cell knows it,
+else the middle of a box around it, whose sides are `box` (m).
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -16,7 +16,10 @@ from cellwright.engine.kernels.linear import matmul
 from cellwright.engine.model.run_protocol import BODIES_SEEN
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.shapes.part_shapes import shape_cores
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.kb.asp import ground_term
 from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose
 from cellwright.kb.model.cell_model import Body, BodyKind, Cell, Location, Placement
@@ -29,7 +32,9 @@ SEEN_ROOM_M = 0.01  # kept from what was seen: neither the look nor the arm is e
 
 @dataclass(frozen=True, slots=True)
 class SeenBody:
-    """A body where it was seen in the world, and the sides of a box around it (m); no box for one that the cell knows."""
+    """A body where it was seen in the world, and the sides of a box around it (m); no box for
+    one that the cell knows.
+    """
 
     name: str
     pose: Pose
@@ -42,12 +47,17 @@ class SeenBody:
 
     def entry(self) -> dict[str, list[float]]:
         """The same as plain JSON."""
-        entry = {"at": list(self.pose.position_m), "rpy": [degrees(angle) for angle in self.pose.rpy_rad]}
+        entry = {
+            "at": list(self.pose.position_m),
+            "rpy": [degrees(angle) for angle in self.pose.rpy_rad],
+        }
         return entry if self.box_m is None else {**entry, "box": list(self.box_m)}
 
 
 def look_at(world: GeometricWorld, name: str, boxed: bool) -> SeenBody:
-    """What a look at a body tells: where it is; `boxed`, the middle and the sides of the box around it."""
+    """What a look at a body tells: where it is; `boxed`, the middle and the sides of the box
+    around it.
+    """
     T = world.pose("world", name)
     if not boxed:
         return SeenBody(name, transforms.to_pose(T))
@@ -71,7 +81,8 @@ def _body_extent(body: Body) -> tuple[Floats, Floats]:
 
 
 def seen_in(data: Mapping[str, Any], cell: Cell) -> tuple[tuple[SeenBody, ...], tuple[str, ...]]:
-    """The bodies that the data of a reply tells of, and the names of those that it tells of in a way that cannot be read.
+    """The bodies that the data of a reply tells of, and the names of those that it tells of in a
+    way that cannot be read.
 
     What the cell does not know needs a box.
     """
@@ -84,7 +95,9 @@ def seen_in(data: Mapping[str, Any], cell: Cell) -> tuple[tuple[SeenBody, ...], 
         for n, seen_body in bodies_read.items()
         if seen_body is not None and (seen_body.box_m or n in cell.bodies)
     )
-    return seen, tuple(name for name in bodies_read if name not in {seen_body.name for seen_body in seen})
+    return seen, tuple(
+        name for name in bodies_read if name not in {seen_body.name for seen_body in seen}
+    )
 
 
 def _read_seen(name: str, entry: Any) -> SeenBody | None:
@@ -108,7 +121,9 @@ def _three_numbers(numbers: Any) -> tuple[float, float, float] | None:
 
 
 def with_seen(cell: Cell, seen: Sequence[SeenBody]) -> Cell:
-    """The cell with the bodies among those that it does not know, each as a box that stands there, `ROOM_M` larger on each side."""
+    """The cell with the bodies among those that it does not know, each as a box that stands
+    there, `ROOM_M` larger on each side.
+    """
     boxes = {
         seen_body.name: Body(
             seen_body.name,
@@ -131,7 +146,9 @@ NEAR_PLACE_M = 0.03  # a body so near to a place is there
 
 
 def at_places(cell: Cell, seen: SeenBody) -> tuple[Atom, ...]:
-    """The facts that put a body within `NEAR_M` of where it was seen, the nearest first; none if it lies beside all places."""
+    """The facts that put a body within `NEAR_M` of where it was seen, the nearest first; none
+    if it lies beside all places.
+    """
     seen_m, candidates = seen.T_world[:3, 3], list[tuple[float, str, Atom]]()
     for location in cell.locations:
         for fact in _location_facts(cell, location, seen.name):

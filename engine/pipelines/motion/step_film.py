@@ -9,7 +9,10 @@ from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.motion_values import LegKind, MovedStep, StepLeg
 from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, operation_of, states_of
 from cellwright.engine.pipelines.motion.step_motion import guide_value
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.model.cell_model import Cell, Operation
 from cellwright.kb.model.plan_model import Plan, Step, StepId
@@ -57,9 +60,11 @@ def takes_of_run(
     start: Iterable[Atom],
     told_steps: Iterable[tuple[Function | None, Iterable[Atom], Iterable[Atom]]],
 ) -> Iterator[FilmTake]:
-    """The takes of a run. `told` says, record by record, which step was done, what it added, and what it ended.
+    """The takes of a run. `told` says, record by record, which step was done, what it added, and
+    what it ended.
 
-    Where no step is named, the world model was corrected. A step that has no motion now is shown without one.
+    Where no step is named, the world model was corrected. A step that has no motion now is shown
+    without one.
     """
     state = frozenset(start)
     for number, (action, adds, ends) in enumerate(told_steps, 1):
@@ -112,7 +117,8 @@ def _of_step(
             for own_leg in (leg, *leg.beside):
                 arms[own_leg.arm] = own_leg.at(at)
             yield FilmShot(
-                t + at, _with_arms(_world_during(take, leg, operation, at / lasts if lasts else 1.0), arms)
+                t + at,
+                _with_arms(_world_during(take, leg, operation, at / lasts if lasts else 1.0), arms),
             )
         t += lasts
         if leg.kind is LegKind.IN and moved.takes_s:
@@ -121,7 +127,9 @@ def _of_step(
             yield FilmShot(t, _with_arms(take.before if dragged else take.after, arms))
 
 
-def _world_during(take: FilmTake, leg: StepLeg, operation: Operation, share: float) -> GeometricWorld:
+def _world_during(
+    take: FilmTake, leg: StepLeg, operation: Operation, share: float
+) -> GeometricWorld:
     """The furniture and parts while a leg is under way."""
     match leg.kind:
         case LegKind.WAY | LegKind.IN:

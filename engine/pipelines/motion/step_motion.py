@@ -39,9 +39,11 @@ class StepRefusal:
         return self._unmoved("contact", reason, tuple(sorted(culprits)), sure=True)
 
     def no_straight(self, paths: Sequence[Floats | None], sure: bool) -> Unmoved:
-        """The arm gets to the place in some configurations, but not straight in and out in any of them.
+        """The arm gets to the place in some configurations, but not straight in and out in any of
+        them.
 
-        `paths` (m, k) are the ways in, None where the arm cannot follow. It is sure if something touches on each of the others.
+        `paths` (m, k) are the ways in, None where the arm cannot follow. It is sure if something
+        touches on each of the others.
         """
         culprits = set[str]()
         for path in paths:
@@ -64,7 +66,9 @@ class StepRefusal:
                 yield from self._others(path[int(np.argmax(hits))], room)
                 return
         yield from self._strangers(
-            self.before.free(self.place.arm).contacts(self.before.whole(self.place.arm, path[:1])[0])
+            self.before.free(self.place.arm).contacts(
+                self.before.whole(self.place.arm, path[:1])[0]
+            )
         )
 
     def _others(self, q: Floats, room: CellState) -> Iterator[str]:
@@ -72,7 +76,9 @@ class StepRefusal:
         return self._strangers(room.touching(self.place, q))
 
     def _strangers(self, contacts: Iterable[Contact]) -> Iterator[str]:
-        """What is in contact, except for the arm and what it holds; the arm's own name where it touches itself."""
+        """What is in contact, except for the arm and what it holds; the arm's own name where it
+        touches itself.
+        """
         own = {
             *bodies_held(self.before.world, self.place.arm),
             *bodies_held(self.after.world, self.place.arm),
@@ -96,13 +102,17 @@ class StepRefusal:
         self, level: str, reason: str, culprits: tuple[str, ...] = (), sure: bool = False
     ) -> Unmoved:
         bodies = tuple(culprit for culprit in culprits if culprit in self.cell.bodies)
-        return Unmoved(self.step.id, self.step.operator, self.place.name, level, reason, bodies, sure=sure)
+        return Unmoved(
+            self.step.id, self.step.operator, self.place.name, level, reason, bodies, sure=sure
+        )
 
 
 MAX_TRIED_CONFIGURATIONS = (
     24,
     192,
-)  # configurations at a place that are tried, the nearest first: at once, and if no way leads to those
+    # configurations at a place that are tried, the nearest first: at once, and if no way leads to
+    # those
+)
 PATH_GOALS = (4, 32)  # of them, those that a way is planned to
 MAX_KNOWN_LINES = 3  # straight ways, of those that are known, that are tried: the nearest
 PATH_BUDGETS = (40_000, 400_000)  # configurations that the search for a way looks at
@@ -147,7 +157,9 @@ class StepMotion:
         return self._made(legs)
 
     def _from_front(self, standing: Front) -> MovedStep | None:
-        """The step with the straight way that the arm stands before; None if that does not serve it."""
+        """The step with the straight way that the arm stands before; None if that does not
+        serve it.
+        """
         if not self._leads_in(standing.straight):
             return None
         legs = self._at_place(standing.straight)
@@ -163,7 +175,9 @@ class StepMotion:
         if isinstance(free, Unmoved):
             return free
         blocked: Blocked | None = None
-        for tried, goals, budget in zip(MAX_TRIED_CONFIGURATIONS, PATH_GOALS, PATH_BUDGETS, strict=True):
+        for tried, goals, budget in zip(
+            MAX_TRIED_CONFIGURATIONS, PATH_GOALS, PATH_BUDGETS, strict=True
+        ):
             ready = self._ready(free[:tried], goals)
             fronts = [path[0] for path in ready] or self._fronts_alone(tried)[:goals]
             if not fronts:
@@ -182,7 +196,9 @@ class StepMotion:
         return StepRefusal(self.step, self.place, self.hands.cell, self.before, self.after)
 
     def _as_known(self) -> MovedStep | None:
-        """The step by one of the straight ways that are known, the nearest first; None if none serves it now."""
+        """The step by one of the straight ways that are known, the nearest first; None if none
+        serves it now.
+        """
         now = self.hands.now(self.arm)
         near = sorted(self.known, key=lambda path: float(np.abs(path[0] - now).max()))
         for ways, budget in zip((near[:MAX_KNOWN_LINES], near), PATH_BUDGETS, strict=True):
@@ -191,11 +207,15 @@ class StepMotion:
         return None
 
     def _by_one_of(self, ways: Sequence[Floats], budget: int) -> MovedStep | None:
-        """The step by one of some straight ways; the one that the arm gets to is looked at, others only where it does not serve."""
+        """The step by one of some straight ways; the one that the arm gets to is looked at,
+        others only where it does not serve.
+        """
         first = next((n for n, path in enumerate(ways) if self._serves(path)), len(ways))
         ready = [path for path in ways[first:] if self._front_is_free(path[0])]
         while ready:
-            path_found = self.hands.way(self.before, self.arm, np.array([path[0] for path in ready]), budget)
+            path_found = self.hands.way(
+                self.before, self.arm, np.array([path[0] for path in ready]), budget
+            )
             if not isinstance(path_found, StepLeg):
                 return None
             straight = _ending_there(path_found, ready)
@@ -205,7 +225,9 @@ class StepMotion:
         return None
 
     def _free_poses(self) -> Floats | Unmoved:
-        """The configurations (n, k) at the place that touch nothing; none are needed if the arm only goes before it."""
+        """The configurations (n, k) at the place that touch nothing; none are needed if the arm
+        only goes before it.
+        """
         poses = self.before.poses(self.place, self.hands.now(self.arm))
         if len(poses):
             free: Floats = poses[~self.before.collides(self.place, poses)]
@@ -247,28 +269,41 @@ class StepMotion:
         return not isinstance(self._at_place(path, dry=True), str)
 
     def _leads_in(self, path: Floats) -> bool:
-        """Whether a straight way leads to where the tool sees what it must, and touches nothing that it may not."""
-        return self.before.reach.sees(self.place, path[-1]) and self.before.is_free(self.place, path)
+        """Whether a straight way leads to where the tool sees what it must, and touches nothing
+        that it may not.
+        """
+        return self.before.reach.sees(self.place, path[-1]) and self.before.is_free(
+            self.place, path
+        )
 
     def _front_is_free(self, q: Floats) -> bool:
-        return not bool(self.before.free(self.arm).collides(self.before.whole(self.arm, q[None]))[0])
+        return not bool(
+            self.before.free(self.arm).collides(self.before.whole(self.arm, q[None]))[0]
+        )
 
     def _fronts_alone(self, tried: int) -> list[Floats]:
-        """Configurations before the place, if that is where the step ends; whether the arm gets in from there is not asked."""
+        """Configurations before the place, if that is where the step ends; whether the arm gets
+        in from there is not asked.
+        """
         if self.operation.ends is not Ends.BEFORE:
             return []
-        poses = self.before.poses(self.place, self.hands.now(self.arm), self.place.approach_m)[:tried]
+        poses = self.before.poses(self.place, self.hands.now(self.arm), self.place.approach_m)[
+            :tried
+        ]
         return [q for q in poses if self._front_is_free(q)]
 
     def _at_place(self, straight: Floats, dry: bool = False) -> list[StepLeg] | str:
-        """The legs from the front into the place, and, if the step says so, back out; a text if something touches.
+        """The legs from the front into the place, and, if the step says so, back out; a text if
+        something touches.
 
         A dry run leaves the arm where it is.
         """
         legs = [self._slow(LegKind.IN, straight, self.before)]
         if self.operation.ends is not Ends.OUTSIDE:
             if not dry:
-                self.hands.arrive(self.arm, straight[-1], Front(self.place.name, straight, inside=True))
+                self.hands.arrive(
+                    self.arm, straight[-1], Front(self.place.name, straight, inside=True)
+                )
             return legs
         q, out = straight[-1], straight[::-1]
         if self.operation.drags:
@@ -284,11 +319,15 @@ class StepMotion:
         if not self.after.is_free(self.place, out):
             return "something is in the way out of it"
         if not dry:
-            self.hands.arrive(self.arm, out[-1], Front(self.place.name, np.ascontiguousarray(out[::-1])))
+            self.hands.arrive(
+                self.arm, out[-1], Front(self.place.name, np.ascontiguousarray(out[::-1]))
+            )
         return [*legs, self._slow(LegKind.OUT, out, self.after)]
 
     def _dragged(self, at: Floats) -> Floats | str:
-        """The way of the arm (m, k) while it moves a body along its joint; a text if it cannot, or something touches."""
+        """The way of the arm (m, k) while it moves a body along its joint; a text if it cannot,
+        or something touches.
+        """
         body, world = self.operation.drags, self.before.world
         first, last = (guide_value(room.world, body) for room in (self.before, self.after))
         model = world.models[self.arm]
@@ -329,5 +368,9 @@ def guide_value(world: GeometricWorld, body: str) -> float:
     assert guide is not None
     home = transforms.of_pose(cell.bodies[body].placement.pose)
     moved = matmul(transforms.inverse(home), world.placed[body].T_parent_frame)
-    along = moved[:3, 3] if guide.kind is JointKind.PRISMATIC else transforms.rotation_vector(moved[:3, :3])
+    along = (
+        moved[:3, 3]
+        if guide.kind is JointKind.PRISMATIC
+        else transforms.rotation_vector(moved[:3, :3])
+    )
     return float(matmul(along, np.array(guide.axis)))

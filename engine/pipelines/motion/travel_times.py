@@ -13,7 +13,10 @@ from cellwright.engine.pipelines.motion.motion_legs import arm_named, tool_of
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
 from cellwright.engine.stages.geometry.reach.arm_hand import ArmHand, BrokenLine, straight_line
-from cellwright.engine.stages.geometry.reach.place_reachability import PlaceReachability, UnreachedPlace
+from cellwright.engine.stages.geometry.reach.place_reachability import (
+    PlaceReachability,
+    UnreachedPlace,
+)
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.engine.stages.motion.roadmap import Roadmap, TravelTimes, map_nodes, travel_times
 from cellwright.engine.stages.motion.timed_paths import JointLimits, least_times, smooth_path
@@ -23,7 +26,8 @@ from cellwright.kb.model.cell_model import Place
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TravelStations:
-    """Where the free ways between visits begin and end: configurations (n, k), and the times (n,) of the lines out of the visits.
+    """Where the free ways between visits begin and end: configurations (n, k), and the times (n,)
+    of the lines out of the visits.
 
     `unreached` are the visits that are left out, with the reason.
     """
@@ -37,9 +41,14 @@ class TravelStations:
     unreached: Mapping[str, str]
 
     def least(self) -> Floats:
-        """The least times (n, n) that any path between two stations takes, without the lines out and in."""
+        """The least times (n, n) that any path between two stations takes, without the lines
+        out and in.
+        """
         own, count = self.nodes[:, self.hand.own], len(self.nodes)
-        rows = [least_times(np.repeat(own[n : n + 1], count, axis=0), own, self.limits) for n in range(count)]
+        rows = [
+            least_times(np.repeat(own[n : n + 1], count, axis=0), own, self.limits)
+            for n in range(count)
+        ]
         return np.array(rows).reshape(count, count)
 
 
@@ -50,7 +59,8 @@ def travel_stations(
     places: Mapping[str, Place | None],
     own: Sequence[Floats],
 ) -> TravelStations:
-    """The stations of one arm at its own configurations (k,); a visit without a place is where the arm rests.
+    """The stations of one arm at its own configurations (k,); a visit without a place is where the
+    arm rests.
 
     All places take the same tool.
     """
@@ -106,9 +116,11 @@ def _line_out(hand: ArmHand, q: Floats, approach_m: float) -> Floats | BrokenLin
 def near_one_another(
     reach: PlaceReachability, world: GeometricWorld, places: Mapping[str, Place]
 ) -> tuple[dict[str, Floats], dict[str, str]]:
-    """For each place one configuration, all near one another; and the places that are not reached, with the reason.
+    """For each place one configuration, all near one another; and the places that are not reached,
+    with the reason.
 
-    Of the configurations of the first place, that one counts from which all places are reached soonest, in all.
+    Of the configurations of the first place, that one counts from which all places are reached
+    soonest, in all.
     """
     choices: dict[str, Floats] = {}
     unreached: dict[str, str] = {}
@@ -121,7 +133,10 @@ def near_one_another(
     if not choices:
         return {}, unreached
     middles = next(iter(choices.values()))
-    away = [np.abs(middles[:, None] - options[None]).max(axis=2).min(axis=1) for options in choices.values()]
+    away = [
+        np.abs(middles[:, None] - options[None]).max(axis=2).min(axis=1)
+        for options in choices.values()
+    ]
     middle = middles[int(np.argmin(np.sum(away, axis=0)))]
     return {
         name: options[int(np.argmin(np.abs(options - middle).max(axis=1)))]
@@ -148,7 +163,8 @@ def all_travels(ends: TravelStations, roadmap: Roadmap) -> TravelTimes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TravelTable:
-    """Times (n, n) in s between places; infinite where no path was found. `least_s` is what no path beats.
+    """Times (n, n) in s between places; infinite where no path was found. `least_s` is what no path
+    beats.
 
     `unreached` are left out, with the reason; `planned` ways had to be planned for one by one.
     """
@@ -173,7 +189,10 @@ class TravelTable:
 def table_stations(
     site: MotionSite, tool: str, wanted_places: Collection[str] = ()
 ) -> tuple[TravelStations, Longs, str, dict[str, str]]:
-    """The stations of a table, all pairs of them, the tool, and the places out of reach. Raises `InvalidInput`."""
+    """The stations of a table, all pairs of them, the tool, and the places out of reach.
+
+    Raises `InvalidInput`.
+    """
     cell = site.world.cell
     tool, arm = tool_of(tool, cell), arm_named("", cell, "TARGET")
     for name in wanted_places:
@@ -187,7 +206,9 @@ def table_stations(
     reached, unreached = near_one_another(site.reach, site.world, places)
     if len(reached) < 2:
         message = f"the arm reaches {len(reached)} places with {tool or 'no tool'} in hand"
-        raise InvalidInput([Diagnostic(Source("--tool"), "K705", message, "name the tool of more places")])
+        raise InvalidInput(
+            [Diagnostic(Source("--tool"), "K705", message, "name the tool of more places")]
+        )
     own = {name: places[name] for name in reached}
     ends = travel_stations(site.world, site.reach, arm, own, list(reached.values()))
     return ends, all_pairs(ends), tool, {**unreached, **ends.unreached}
@@ -199,7 +220,8 @@ def make_travel_table(
     wanted_places: Collection[str] = (),
     proved: Callable[[TravelStations, Longs], Roadmap] = lines_of,
 ) -> TravelTable:
-    """The travel times between places for one tool, out of a place, on a free path, and into the next.
+    """The travel times between places for one tool, out of a place, on a free path, and into the
+    next.
 
     `proved` makes the roadmap of all pairs (p, 2) of stations. Raises `InvalidInput`.
     """

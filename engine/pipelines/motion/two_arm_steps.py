@@ -1,8 +1,9 @@
 """Steps that two arms take together: holding, handing over, or carrying one body.
 
-The body goes up, across and down on straight lines; of several heights the least is taken on which both arms follow and nothing
-touches. One arm's joints follow from the pose of the body, and so do the other's, so only the path of the body is looked for
-(Han & Amato 2001: active and passive parts of a closed chain).
+The body goes up, across and down on straight lines; of several heights the least is taken on which
+both arms follow and nothing touches. One arm's joints follow from the pose of the body, and so do
+the other's, so only the path of the body is looked for (Han & Amato 2001: active and passive parts
+of a closed chain).
 """
 
 import itertools
@@ -39,9 +40,11 @@ OPEN_M = 2e-4  # how far a hand may be from its pose on the body
 def carry_together(
     hands: ArmsProgress, before: CellState, after: CellState, first: Place, second: Place, body: str
 ) -> StepLeg | str:
-    """The leg on which both arms bring a body from where it is before to where it is after; a text if there is none.
+    """The leg on which both arms bring a body from where it is before to where it is after; a text
+    if there is none.
 
-    The arms stand at their places, one with its hand at each. The leg is that of the first arm, with the other's beside it.
+    The arms stand at their places, one with its hand at each. The leg is that of the first arm,
+    with the other's beside it.
     """
     why = f"{first.arm} and {second.arm} cannot carry {body} all the way"
     start, end = before.world.pose("world", body), after.world.pose("world", body)
@@ -57,28 +60,43 @@ def carry_together(
 
 
 def body_path(start: Floats, end: Floats, lift_m: float) -> Floats:
-    """Poses (m, 4, 4) of a body that goes up, across and down on straight lines, turning evenly on the way across."""
+    """Poses (m, 4, 4) of a body that goes up, across and down on straight lines, turning evenly
+    on the way across.
+    """
     up = transforms.translation(0.0, 0.0, lift_m)
     stops = [start, matmul(up, start), matmul(up, end), end]
     poses = [start[None]]
     for a, b in itertools.pairwise(stops):
         turn = transforms.rotation_vector(matmul(a[:3, :3].T, b[:3, :3]))
         angle, shift_m = float(np.linalg.norm(turn)), b[:3, 3] - a[:3, 3]
-        count = int(np.ceil(max(float(np.linalg.norm(shift_m)) / CARRY_STEP_M, angle / CARRY_STEP_RAD)))
+        count = int(
+            np.ceil(max(float(np.linalg.norm(shift_m)) / CARRY_STEP_M, angle / CARRY_STEP_RAD))
+        )
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
-            R = transforms.rotation(tuple(turn / angle), share * angle) if angle > 1e-9 else np.eye(3)
-            poses.append(transforms.transform(matmul(a[:3, :3], R), a[:3, 3] + share * shift_m)[None])
+            R = (
+                transforms.rotation(tuple(turn / angle), share * angle)
+                if angle > 1e-9
+                else np.eye(3)
+            )
+            poses.append(
+                transforms.transform(matmul(a[:3, :3], R), a[:3, 3] + share * shift_m)[None]
+            )
     return np.concatenate(poses)
 
 
 def _follow_body(
     room: CellState, arms: tuple[str, str], body: str, T_world_body: Floats
 ) -> list[Floats] | None:
-    """The configurations (m, k) of each arm at common corners of a path of the body; None if an arm cannot follow."""
+    """The configurations (m, k) of each arm at common corners of a path of the body; None if an
+    arm cannot follow.
+    """
     world, paths = room.world, []
     is_kept: Truths = np.zeros(len(T_world_body), dtype=bool)
     for arm in arms:
-        T_base_world, T_body_flange = world.pose(f"{arm}.base", "world"), world.pose(body, f"{arm}.flange")
+        T_base_world, T_body_flange = (
+            world.pose(f"{arm}.base", "world"),
+            world.pose(body, f"{arm}.flange"),
+        )
         poses = matmul(matmul(T_base_world, T_world_body), T_body_flange)[None]
         at = world.configurations[arm]
         configurations, follows = room.tracked(arm, poses, at[None])
@@ -92,7 +110,9 @@ def _follow_body(
 def _touches_on_way(
     room: CellState, places: tuple[Place, Place], body: str, paths: list[Floats]
 ) -> str | None:
-    """What is in the way of arms and body on their paths (m, k); None if they are proved to be free."""
+    """What is in the way of arms and body on their paths (m, k); None if they are proved to be
+    free.
+    """
     world = room.world.affix(body, f"{places[0].arm}.tool")
     allowed = frozenset[frozenset[str]]().union(*(room.reach.intended(place) for place in places))
     ground = PlanningScene(room.backend.checker(collision_scene_of(world, allowed=allowed)))
@@ -190,7 +210,9 @@ class TwoArmStep:
 
     def _left(self, second_place: Place) -> list[StepLeg] | str:
         """The arm of `with` leaves its place, unless it holds on to what it held."""
-        before, after = (bodies_held(room.world, second_place.arm) for room in (self.before, self.after))
+        before, after = (
+            bodies_held(room.world, second_place.arm) for room in (self.before, self.after)
+        )
         if before == after:
             return []
         last = self._out(second_place)

@@ -1,6 +1,7 @@
 """From a problem to the checked plan with the least cost: grounds, searches, and asks the gate.
 
-The loaders of our own language are imported inside the functions that use them, because tasks in PDDL do not need them.
+The loaders of our own language are imported inside the functions that use them, because tasks in
+PDDL do not need them.
 """
 
 import time
@@ -37,7 +38,8 @@ LARGE_INSTANCES = 200_000  # possible instances of operators
 def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
     """The problem that a target names. `goals`, or else a `command` in words, replaces its goals.
 
-    A domain without operators that has a contact model beside it gets those that are generated. Raises `InvalidInput`.
+    A domain without operators that has a contact model beside it gets those that are generated.
+    Raises `InvalidInput`.
     """
     from cellwright.kb.commands import understand_command
     from cellwright.kb.loader import problem_files, with_goals
@@ -62,21 +64,31 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
         problems = sorted(path.stem for path in problem_files(find_target(target)))
         ways = "give --goals or --command"
         hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
-        raise InvalidInput([Diagnostic(Source(target), "K404", "this is a domain, not a problem", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source(target), "K404", "this is a domain, not a problem", hint)]
+        )
     return loaded_target.problem
 
 
 def plan_problem(problem: Problem, limits: SearchLimits = SearchLimits()) -> Outcome:
-    """A checked plan for a problem, or that there is none, or why the search gave up. Raises `InvalidInput`."""
+    """A checked plan for a problem, or that there is none, or why the search gave up.
+
+    Raises `InvalidInput`.
+    """
     return plan_and_ground(problem, limits)[0]
 
 
 def plan_and_ground(
-    problem: Problem, limits: SearchLimits = SearchLimits(), macros: Macros = NO_MACROS, ordered: bool = False
+    problem: Problem,
+    limits: SearchLimits = SearchLimits(),
+    macros: Macros = NO_MACROS,
+    ordered: bool = False,
 ) -> tuple[Outcome, GroundTask]:
-    """The outcome of `plan`, and the ground task. The searches may use `macros` as operators. Raises `InvalidInput`.
+    """The outcome of `plan`, and the ground task. The searches may use `macros` as operators.
+    Raises `InvalidInput`.
 
-    If the plan shall be `ordered` and none of its steps takes time, it is made as by `in_the_order_named`.
+    If the plan shall be `ordered` and none of its steps takes time, it is made as by
+    `in_the_order_named`.
     """
     few = excerpt_problem(problem)
     outcome, task = search_plan(problem, limits, macros, few=few)
@@ -101,7 +113,10 @@ def plan_and_ground(
 def _settle_plan(
     gate: PlanGate, problem: Problem, plan: Plan, ordered: bool
 ) -> tuple[Plan, list[Diagnostic]]:
-    """What the gate tells of a plan. One that is to be `ordered` is so before, so that it is checked only once."""
+    """What the gate tells of a plan.
+
+    One that is to be `ordered` is so before, so that it is checked only once.
+    """
     if not ordered or any(step.duration for step in plan.steps):
         return gate.settled(problem, plan)
     proposed: list[Plan] = []  # ever more objects at their turn
@@ -115,12 +130,16 @@ def _settle_plan(
         return proposed[-1], []
     settled_plan, wrong = gate.settled(problem, plan)
     return (
-        _order_objects(gate, problem, settled_plan) if len(proposed) > 1 and not wrong else settled_plan
+        _order_objects(gate, problem, settled_plan)
+        if len(proposed) > 1 and not wrong
+        else settled_plan
     ), wrong
 
 
 def in_named_order(problem: Problem, plan: Plan) -> Plan:
-    """The plan that serves alike objects in the order in which they are named, if the gate lets it pass; else the plan itself."""
+    """The plan that serves alike objects in the order in which they are named, if the gate lets
+    it pass; else the plan itself.
+    """
     return _order_objects(PlanGate(), problem, plan)
 
 
@@ -131,9 +150,13 @@ def _order_objects(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:
 
 
 def task_for(problem: Problem, plan: Plan) -> GroundTask:
-    """The ground task in which a plan is looked at: without most objects that it does not name and of which many are alike."""
+    """The ground task in which a plan is looked at: without most objects that it does not name
+    and of which many are alike.
+    """
     return ground(
-        excerpt_problem(problem, {name for step in plan.steps for name in constant_names(step.operator)})
+        excerpt_problem(
+            problem, {name for step in plan.steps for name in constant_names(step.operator)}
+        )
     )
 
 
@@ -145,12 +168,12 @@ def search_plan(
     proves: bool = True,
     few: Problem | None = None,
 ) -> tuple[Outcome, GroundTask]:
-    """An outcome that the gate has not seen, and the task that was searched; `statics` are the problem's, and `few` is
-    its excerpt, if known already.
+    """An outcome that the gate has not seen, and the task that was searched; `statics` are the
+    problem's, and `few` is its excerpt, if known already.
 
-    Only what the goals can need is grounded. The whole problem is, if something that was left out might shorten a plan. A
-    problem too large for that is planned without it first; unless it `proves`, nobody asks then whether that plan is the
-    shortest. Raises `InvalidInput`.
+    Only what the goals can need is grounded. The whole problem is, if something that was left out
+    might shorten a plan. A problem too large for that is planned without it first; unless it
+    `proves`, nobody asks then whether that plan is the shortest. Raises `InvalidInput`.
     """
     started = time.perf_counter()
     small = drop_irrelevant_objects(problem, statics, few)

@@ -27,7 +27,9 @@ def find_overstays(
     longest: Mapping[Term, int],
     semantics: Semantics,
 ) -> tuple[Overstay, ...]:
-    """What stays too long when the steps of a plan that is right start at these times, from the end of the step that brings it."""
+    """What stays too long when the steps of a plan that is right start at these times, from the
+    end of the step that brings it.
+    """
     if not longest:
         return ()
     ends = {step.id: starts[step.id] + step.duration for step in plan.steps}
@@ -36,13 +38,19 @@ def find_overstays(
         Overstay(stay.thing, stay.place, starts[stay.target] - ends[stay.source], stay.most)
         for stay in stays_of(plan, longest, start)
     )
-    return tuple(dict.fromkeys(overstay for overstay in stays_found if overstay.lasts > overstay.most))
+    return tuple(
+        dict.fromkeys(overstay for overstay in stays_found if overstay.lasts > overstay.most)
+    )
 
 
 def stays_of(
-    plan: Plan, longest: Mapping[Term, int], start: Situation, since: Mapping[Atom, int] = NO_DURATIONS
+    plan: Plan,
+    longest: Mapping[Term, int],
+    start: Situation,
+    since: Mapping[Atom, int] = NO_DURATIONS,
 ) -> Iterator[Stay]:
-    """Which step brings something to a place where it may not stay for long, and which one takes it away.
+    """Which step brings something to a place where it may not stay for long, and which one takes it
+    away.
 
     What is there already counts from when it came, as far as that is known.
     """
@@ -67,12 +75,16 @@ class _DwellLimit:
 
 
 def _dwell_limits(atom: Atom, longest: Mapping[Term, int]) -> Iterator[_DwellLimit]:
-    """How long a fact may last that says where something is, in a place where nothing may stay for long."""
+    """How long a fact may last that says where something is, in a place where nothing may stay
+    for long.
+    """
     for place, most in longest.items():
         inside = [contains_term(argument, place) for argument in atom.arguments]
         if any(inside) and not all(inside):
             things_there = (
-                argument for argument, is_place in zip(atom.arguments, inside, strict=True) if not is_place
+                argument
+                for argument, is_place in zip(atom.arguments, inside, strict=True)
+                if not is_place
             )
             yield _DwellLimit(", ".join(map(str, things_there)), str(place), most)
 
@@ -125,9 +137,11 @@ def wishes_of(statics: CheckerFacts, words: Conventions) -> Wishes:
 
 @dataclass(frozen=True, eq=False)
 class TravelWays(Mapping[tuple[Term, Term], int]):
-    """The travel times of all pairs that facts list, and with a declared motion between all places that plans mention.
+    """The travel times of all pairs that facts list, and with a declared motion between all places
+    that plans mention.
 
-    Each is computed when it is first asked for. Raises `InvalidInput` then for one that cannot be told.
+    Each is computed when it is first asked for. Raises `InvalidInput` then for one that cannot be
+    told.
     """
 
     mentioned: tuple[Term, ...]
@@ -143,13 +157,18 @@ class TravelWays(Mapping[tuple[Term, Term], int]):
             try:
                 self._known[pair] = self.amounts.travel_time(*pair)
             except NoAmount as error:
-                raise InvalidInput([Diagnostic(self.where, "K115", str(error), error.hint)]) from None
+                raise InvalidInput(
+                    [Diagnostic(self.where, "K115", str(error), error.hint)]
+                ) from None
         return self._known[pair]
 
     def __iter__(self) -> Iterator[tuple[Term, Term]]:
         moving = self.mentioned if self.amounts.domain.motion else ()
         yield from dict.fromkeys(
-            (*self.listed, *((start_place, end_place) for start_place in moving for end_place in moving))
+            (
+                *self.listed,
+                *((start_place, end_place) for start_place in moving for end_place in moving),
+            )
         )
 
     def __len__(self) -> int:

@@ -1,9 +1,10 @@
 """Selects the goals that can be reached together; gives up the others, each with a reason.
 
-Goals are conjuncts of the goal, one for each object where it is about all, and chains up to one of their stages. A chain that is cut keeps the stages before the first
-one that cannot be reached; a chain that waits for another one no longer waits if that one is given up.
-An event occurs only as a stage of a chain. So what can be reached by itself is asked with the events of all chains allowed, and what
-needs an event of a chain is tried again once that chain is kept.
+Goals are conjuncts of the goal, one for each object where it is about all, and chains up to one of
+their stages. A chain that is cut keeps the stages before the first one that cannot be reached; a
+chain that waits for another one no longer waits if that one is given up. An event occurs only as a
+stage of a chain. So what can be reached by itself is asked with the events of all chains allowed,
+and what needs an event of a chain is tried again once that chain is kept.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,7 +19,14 @@ from cellwright.engine.pipelines.planning.quantifiers import expand_forall
 from cellwright.engine.stages.grounding import ground, ground_parts, has_separable_chains
 from cellwright.engine.stages.grounding.ground_goals import TaskWithoutGoals
 from cellwright.engine.stages.planning import SearchLimits, plan_task
-from cellwright.kb.model.conditions import ALWAYS_TRUE, And, Condition, Literal, goal_parts, literals_in
+from cellwright.kb.model.conditions import (
+    ALWAYS_TRUE,
+    And,
+    Condition,
+    Literal,
+    goal_parts,
+    literals_in,
+)
 from cellwright.kb.model.planning_problem import Chain, Problem, event_chains, events_of
 
 NOTHING_MORE = "no goal that is still open can be reached"
@@ -27,12 +35,15 @@ NO_EVENT = "it needs an event of a workflow that is given up"
 MAX_KEPT_TASKS = 16  # ground tasks
 
 Planner = Callable[[Problem, SearchLimits], Outcome]
-Removed = frozenset[int] | None  # obstacles without which a problem is looked at; None: as it was given
+# obstacles without which a problem is looked at; None: as it was given
+Removed = frozenset[int] | None
 
 
 @dataclass(frozen=True, slots=True)
 class Obstacles:
-    """What may keep goals from being reached: what each of them is, and the problem as it would be without some of them."""
+    """What may keep goals from being reached: what each of them is, and the problem as it would
+    be without some of them.
+    """
 
     reasons: tuple[str, ...]
     without: Callable[[frozenset[int]], Problem]
@@ -48,7 +59,9 @@ class RelinquishedGoal:
 
 @dataclass(frozen=True, slots=True)
 class GoalSelection:
-    """The problem with the goals that can be reached, the answer for it, and the goals that are given up."""
+    """The problem with the goals that can be reached, the answer for it, and the goals that are
+    given up.
+    """
 
     problem: Problem
     outcome: Outcome
@@ -75,12 +88,13 @@ def select_goals(
     outcome: Outcome | None = None,
     planner: Planner = checked_plan.plan_problem,
 ) -> GoalSelection:
-    """A plan for as many goals as can be reached, in the order in which they are named. Raises `InvalidInput`.
+    """A plan for as many goals as can be reached, in the order in which they are named. Raises
+    `InvalidInput`.
 
     `outcome` is the answer for all goals, if it is known already. `planner` answers whole problems.
 
-    No plan exists if no goal that is still open can be reached. A search that gives up proves nothing: its answer is passed
-    on, and no goal is given up for it.
+    No plan exists if no goal that is still open can be reached. A search that gives up proves
+    nothing: its answer is passed on, and no goal is given up for it.
     """
     outcome = outcome or planner(problem, limits)
     if not isinstance(outcome, Infeasible):
@@ -118,7 +132,9 @@ class _Search:
     def parts(self) -> list[GoalPart]:
         """All goals, whole."""
         conjuncts = [GoalPart(condition=conjunct) for conjunct in goal_parts(self.problem.goal)]
-        return conjuncts + [GoalPart(chain=chain, stages=len(chain.stages)) for chain in self.problem.chains]
+        return conjuncts + [
+            GoalPart(chain=chain, stages=len(chain.stages)) for chain in self.problem.chains
+        ]
 
     def only(self, parts: Iterable[GoalPart], among: Problem | None = None) -> Problem:
         """The problem with some of its goals alone."""
@@ -138,11 +154,15 @@ class _Search:
         return replace(problem, goal=goal, chains=chains)
 
     def alone(self, part: GoalPart) -> GoalPart | None:
-        """As much of a goal as can be reached if nothing else is wanted, and all events may occur; None if that is nothing."""
+        """As much of a goal as can be reached if nothing else is wanted, and all events may
+        occur; None if that is nothing.
+        """
         return self._longest([], part, free=True)
 
     def together(self, parts: list[GoalPart]) -> list[GoalPart]:
-        """Goals that can be reached together: all of them, else one after the other is added as far as it goes."""
+        """Goals that can be reached together: all of them, else one after the other is added as
+        far as it goes.
+        """
         if not parts or not self._infeasible(parts):
             return parts
         kept_by_number: dict[int, GoalPart] = {}
@@ -157,7 +177,8 @@ class _Search:
                     ]
                     longest = self._longest(other_parts, part)
                     kept_by_number |= {} if longest is None else {number: longest}
-            if kept_by_number == before or not self._with_events:  # a goal may need an event of a later chain
+            # a goal may need an event of a later chain
+            if kept_by_number == before or not self._with_events:
                 return [kept_by_number[number] for number in sorted(kept_by_number)]
 
     def given_up(
@@ -169,17 +190,24 @@ class _Search:
         """What is not kept of each goal, with the reason."""
         for whole, reachable in zip(asked_goals, alone, strict=True):
             final = next(
-                (k for k in kept_goals if (k.condition, k.chain) == (whole.condition, whole.chain)), None
+                (k for k in kept_goals if (k.condition, k.chain) == (whole.condition, whole.chain)),
+                None,
             )
             if final == whole:
                 continue
             first = _first_given_up(whole, final)
-            reason = self._reason(first) if final == reachable else self._rivals(kept_goals, whole, first)
+            reason = (
+                self._reason(first)
+                if final == reachable
+                else self._rivals(kept_goals, whole, first)
+            )
             yield RelinquishedGoal(_goal_name(first), reason)
             if whole.chain is not None:
                 last = whole.chain.stages[first.stages - 1]
                 for stage in whole.chain.stages[first.stages :]:
-                    yield RelinquishedGoal(f"{stage} of {whole.chain.name}", f"it comes after {last}")
+                    yield RelinquishedGoal(
+                        f"{stage} of {whole.chain.name}", f"it comes after {last}"
+                    )
 
     def _longest(
         self, other_goals: Sequence[GoalPart], part: GoalPart, free: bool = False
@@ -187,7 +215,9 @@ class _Search:
         if part.chain is None:
             return None if self._infeasible([*other_goals, part], free=free) else part
         cuts = (part.cut(stages) for stages in range(part.stages, 0, -1))
-        return next((cut for cut in cuts if not self._infeasible([*other_goals, cut], free=free)), None)
+        return next(
+            (cut for cut in cuts if not self._infeasible([*other_goals, cut], free=free)), None
+        )
 
     def _rivals(self, kept_goals: Sequence[GoalPart], whole: GoalPart, first: GoalPart) -> str:
         """Why a goal that can be reached by itself is not among those that are kept."""
@@ -198,7 +228,9 @@ class _Search:
         if not moved and self._infeasible([first]):
             return NO_EVENT
         rivals = (
-            kept_part for kept_part in kept_goals if kept_part.chain is not whole.chain or whole.chain is None
+            kept_part
+            for kept_part in kept_goals
+            if kept_part.chain is not whole.chain or whole.chain is None
         )
         return f"it cannot be reached together with {', '.join(map(_goal_name, rivals))}"
 
@@ -212,22 +244,29 @@ class _Search:
         for obstacle in reversed(range(len(self.obstacles.reasons))):
             if self._reachable(part, removed - {obstacle}):
                 removed -= {obstacle}
-        return "; ".join(dict.fromkeys(self.obstacles.reasons[obstacle] for obstacle in sorted(removed)))
+        return "; ".join(
+            dict.fromkeys(self.obstacles.reasons[obstacle] for obstacle in sorted(removed))
+        )
 
     def _reachable(self, part: GoalPart, removed: frozenset[int]) -> bool:
         return not self._infeasible([part], removed, free=True)
 
-    def _infeasible(self, parts: Sequence[GoalPart], removed: Removed = None, free: bool = False) -> bool:
+    def _infeasible(
+        self, parts: Sequence[GoalPart], removed: Removed = None, free: bool = False
+    ) -> bool:
         task = self._task(parts, removed, free)
         return isinstance(plan_task(task, replace(self.limits, improvement=0)), Infeasible)
 
     def _task(self, parts: Sequence[GoalPart], removed: Removed, free: bool) -> GroundTask:
-        """The ground task of some goals, without some obstacles. It is grounded once and asked many times, where that can be.
+        """The ground task of some goals, without some obstacles. It is grounded once and asked many
+        times, where that can be.
 
         If it is `free`, the events of other chains may occur.
         """
         conjuncts = list(goal_parts(self.problem.goal))
-        conjunct_numbers = [conjuncts.index(part.condition) for part in parts if part.condition is not None]
+        conjunct_numbers = [
+            conjuncts.index(part.condition) for part in parts if part.condition is not None
+        ]
         stages = {part.chain.name: part.stages for part in parts if part.chain is not None}
         free_chains = self._with_events - stages.keys() if free else frozenset()
         if self._separable or not (stages or free_chains):
@@ -236,7 +275,9 @@ class _Search:
                 return task
         among = self._among(removed)
         asked = self.only(parts, among)
-        more = event_chains((chain for chain in among.chains if chain.name in free_chains), among.domain)
+        more = event_chains(
+            (chain for chain in among.chains if chain.name in free_chains), among.domain
+        )
         return ground(replace(asked, chains=(*asked.chains, *more)))
 
     def _parted(self, removed: Removed) -> TaskWithoutGoals:
@@ -257,7 +298,9 @@ class _Search:
 
 
 def _first_given_up(whole: GoalPart, final: GoalPart | None) -> GoalPart:
-    """The first thing of a goal that is given up: the goal, or its chain up to the first stage that is not kept."""
+    """The first thing of a goal that is given up: the goal, or its chain up to the first stage
+    that is not kept.
+    """
     return whole if whole.chain is None else whole.cut((final.stages if final else 0) + 1)
 
 
@@ -272,8 +315,8 @@ def drop_unreachable_goals(
 ) -> tuple[Problem, tuple[RelinquishedGoal, ...]]:
     """The problem without its goals about lost measurements, of which is said why, and those goals.
 
-    A workflow ends before the first stage about one of them; none waits for one that is cut. Where nothing would be left, the
-    problem stays as it is.
+    A workflow ends before the first stage about one of them; none waits for one that is cut. Where
+    nothing would be left, the problem stays as it is.
     """
     if not lost:
         return problem, ()
@@ -286,7 +329,9 @@ def drop_unreachable_goals(
 
 
 def all_lost(problem: Problem, lost: Mapping[str, str]) -> tuple[RelinquishedGoal, ...]:
-    """The goals about lost measurements of a problem for which there is no plan, each with its reason."""
+    """The goals about lost measurements of a problem for which there is no plan, each with its
+    reason.
+    """
     return _split_goals(problem, lost)[2]
 
 
@@ -297,7 +342,9 @@ def _split_goals(
     parts = goal_parts(problem.goal)
     kept_conditions = tuple(part for part in parts if not _is_about_lost(part, lost))
     given_up = [
-        RelinquishedGoal(str(part), _loss_reason(part, lost)) for part in parts if _is_about_lost(part, lost)
+        RelinquishedGoal(str(part), _loss_reason(part, lost))
+        for part in parts
+        if _is_about_lost(part, lost)
     ]
     chains = list[Chain]()
     for chain in problem.chains:
@@ -306,14 +353,19 @@ def _split_goals(
         given_up += _given_up_stages(chain, cut, lost)
         chains += [replace(chain, stages=chain.stages[:cut])] if cut else []
     whole = {chain.name for chain in chains if chain in problem.chains}
-    chains = [replace(chain, after=tuple(name for name in chain.after if name in whole)) for chain in chains]
+    chains = [
+        replace(chain, after=tuple(name for name in chain.after if name in whole))
+        for chain in chains
+    ]
     return kept_conditions, tuple(chains), tuple(given_up)
 
 
 def _is_about_lost(goal: Condition, lost: Mapping[str, str]) -> bool:
     """Whether a goal asks for nothing but facts about lost measurements."""
     asked = list(literals_in(goal))
-    return bool(asked) and all(literal.positive and names_in_goal(literal, lost) for literal in asked)
+    return bool(asked) and all(
+        literal.positive and names_in_goal(literal, lost) for literal in asked
+    )
 
 
 def _loss_reason(goal: Condition, lost: Mapping[str, str]) -> str:

@@ -7,7 +7,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from cellwright.engine.pipelines.planning.macros import LibraryPlanner
-    from cellwright.engine.pipelines.planning.plan_objective import PlanningObjective, Run, SequenceChoice
+    from cellwright.engine.pipelines.planning.plan_objective import (
+        PlanningObjective,
+        Run,
+        SequenceChoice,
+    )
     from cellwright.engine.stages.planning import SearchLimits
     from cellwright.kb.model.planning_problem import Problem
 
@@ -21,8 +25,9 @@ def plan_with_library(
     folded: bool,
     stays: bool = False,
 ) -> "tuple[Run, dict[str, Any]]":
-    """The outcome for a problem, and when its steps happen. With a library, also where it comes from; with `folded`, also
-    its parts, as data. The library `stays` open in a process that plans again and again."""
+    """The outcome for a problem, and when its steps happen. With a library, also where it comes
+    from; with `folded`, also its parts, as data. The library `stays` open in a process that plans
+    again and again."""
     from cellwright.engine.pipelines.planning import plan_objective
 
     if not store:
@@ -32,17 +37,32 @@ def plan_with_library(
             memory = practice.repertoire(problem.domain) if practice.learns else None
             followed = plan_objective.plan_sequence(problem, limits, memory, store)
             if followed is not None:
-                return followed, {"source": {"origin": "sequence", "macrop": None, "name": "", "reason": ""}}
+                return followed, {
+                    "source": {"origin": "sequence", "macrop": None, "name": "", "reason": ""}
+                }
         answer = practice.plan(problem)
         answer = practice.folded(problem, answer) if folded else answer
-    entry = {"origin": answer.origin, "macrop": answer.macrop, "name": answer.name, "reason": answer.reason}
+    entry = {
+        "origin": answer.origin,
+        "macrop": answer.macrop,
+        "name": answer.name,
+        "reason": answer.reason,
+    }
     entry |= {"lost": practice.library.loss} if practice.library.loss else {}
     parts = [
-        {"macrop": part.macrop, "name": part.name, "purpose": part.purpose, "steps": list(part.steps)}
+        {
+            "macrop": part.macrop,
+            "name": part.name,
+            "purpose": part.purpose,
+            "steps": list(part.steps),
+        }
         for part in answer.parts
     ]
     run = plan_objective.schedule_outcome(
-        problem, answer.outcome, limits, plan_objective.PlanningObjective.COST if parts else objective_wanted
+        problem,
+        answer.outcome,
+        limits,
+        plan_objective.PlanningObjective.COST if parts else objective_wanted,
     )
     return run, {"source": {**entry, "parts": parts} if parts else entry}
 

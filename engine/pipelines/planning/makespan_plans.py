@@ -1,7 +1,8 @@
 """Searches the plan with the least makespan, and delays steps that set a stage until its turn.
 
-A stage that is a fluent is reached in its turn if it holds then, whenever it was made true. So a search may make it true as
-early as it likes. Who asks for it expects it done in its turn. Where that costs nothing, the step that makes it true moves there.
+A stage that is a fluent is reached in its turn if it holds then, whenever it was made true. So a
+search may make it true as early as it likes. Who asks for it expects it done in its turn. Where
+that costs nothing, the step that makes it true moves there.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,7 +44,9 @@ MAX_DELAYED_STEPS = 400  # steps; the order of longer plans is as it was found
 
 
 def delay_settings(problem: Problem, task: GroundTask, plan: Plan) -> Plan:
-    """The plan with the same steps that makes settings of the workflow in their turn; the plan itself if the gate refuses that."""
+    """The plan with the same steps that makes settings of the workflow in their turn; the plan
+    itself if the gate refuses that.
+    """
     if task.axioms or len(plan.steps) > MAX_DELAYED_STEPS:
         return plan
     instances_known, order = operators_by_instance(task), plan.steps
@@ -69,9 +72,17 @@ def _delay_one_step(
         task, instances_known, task.initial, [step_of_order.operator for step_of_order in order]
     )
     for maker, turn in _early_makers(task, steps or ()):
-        later_order = (*order[:maker], *order[maker + 1 : turn + 1], order[maker], *order[turn + 1 :])
+        later_order = (
+            *order[:maker],
+            *order[maker + 1 : turn + 1],
+            order[maker],
+            *order[turn + 1 :],
+        )
         replay = replay_instances(
-            task, instances_known, task.initial, [step_of_order.operator for step_of_order in later_order]
+            task,
+            instances_known,
+            task.initial,
+            [step_of_order.operator for step_of_order in later_order],
         )
         if replay is not None and reached_goals(task, _end_state(task, replay)) is not None:
             return later_order
@@ -79,7 +90,9 @@ def _delay_one_step(
 
 
 def _early_makers(task: GroundTask, steps: Sequence[GroundOperator]) -> Iterator[tuple[int, int]]:
-    """The places of steps that make a stage true before its turn, and of those with which its turn comes."""
+    """The places of steps that make a stage true before its turn, and of those with which its
+    turn comes.
+    """
     stages = bitset([number for number, atom in enumerate(task.atoms) if atom.name == STAGE_FLUENT])
     makers: dict[int, int] = {}
     before, state, place = task.initial, task.initial, -1
@@ -115,7 +128,9 @@ def search_least_makespan(
     limits: SearchLimits,
     work: ScheduleLimits | None = None,
 ) -> tuple[Timetable, Infeasible | GaveUp | None]:
-    """The best timetable of the plan and of others found from there on; and why a plan has none, if one has none."""
+    """The best timetable of the plan and of others found from there on; and why a plan has
+    none, if one has none.
+    """
     work = work or ScheduleLimits(SOLVER_WORK_S, limits.seed, interrupted=limits.interrupted)
     bound = least_makespan(task)
     if len(outcome.plan.steps) > MAX_SCHEDULED_STEPS:
@@ -127,7 +142,8 @@ def search_least_makespan(
         return _with_bound(
             renamed_order if timetable_value(renamed_order) <= timetable_value(own) else own, bound
         ), None
-    if limits.interrupted() and not own.overstays:  # the solver alone takes longer to load than is left
+    # the solver alone takes longer to load than is left
+    if limits.interrupted() and not own.overstays:
         return _with_bound(own, bound), None
     plans = list(_candidate_plans(problem, task, outcome, limits))
     timetables = [time_plan(problem, task, candidate, work) for candidate in plans]
@@ -139,17 +155,28 @@ def search_least_makespan(
         for timetable in [by_other_means(problem, task, plans, choosing, bound)]
         if timetable is not None
     ]
-    found_timetables = [own, *(timetable for timetable in timetables if isinstance(timetable, Timetable))]
-    refused = next((timetable for timetable in timetables if not isinstance(timetable, Timetable)), None)
+    found_timetables = [
+        own,
+        *(timetable for timetable in timetables if isinstance(timetable, Timetable)),
+    ]
+    refused = next(
+        (timetable for timetable in timetables if not isinstance(timetable, Timetable)), None
+    )
     return _as_named(
-        problem, task, _with_bound(min(found_timetables, key=timetable_value), bound), bound, choosing
+        problem,
+        task,
+        _with_bound(min(found_timetables, key=timetable_value), bound),
+        bound,
+        choosing,
     ), refused
 
 
 def _as_named(
     problem: Problem, task: GroundTask, best: Timetable, bound: int, work: ScheduleLimits
 ) -> Timetable:
-    """The best timetable, or one that is as good and does things in the order in which they are named."""
+    """The best timetable, or one that is as good and does things in the order in which they are
+    named.
+    """
     plan = _in_named_order(problem, task, best.plan)
     renamed_timetable = None if plan == best.plan else time_plan(problem, task, plan, work)
     if not isinstance(renamed_timetable, Timetable):
@@ -161,13 +188,16 @@ def _as_named(
     )
     return (
         renamed_timetable
-        if as_good and _in_named_order(problem, task, renamed_timetable.plan) == renamed_timetable.plan
+        if as_good
+        and _in_named_order(problem, task, renamed_timetable.plan) == renamed_timetable.plan
         else best
     )
 
 
 def _in_named_order(problem: Problem, task: GroundTask, plan: Plan) -> Plan:
-    """The plan that does in its turn what has one, and serves alike objects in the order in which they are named."""
+    """The plan that does in its turn what has one, and serves alike objects in the order in
+    which they are named.
+    """
     return in_named_order(problem, delay_settings(problem, task, plan))
 
 
@@ -176,7 +206,9 @@ def _with_bound(timetable: Timetable, bound: int) -> Timetable:
     if timetable.schedule.makespan > bound or timetable.schedule.tardiness:
         return timetable
     return replace(
-        timetable, schedule=replace(timetable.schedule, lower_bound=bound, proved=True), scope=SCOPE_ALL_PLANS
+        timetable,
+        schedule=replace(timetable.schedule, lower_bound=bound, proved=True),
+        scope=SCOPE_ALL_PLANS,
     )
 
 
@@ -200,10 +232,15 @@ def _plans_by_duration(
     ):
         return
     operators = tuple(
-        replace(operator, cost=operator.duration + min(1, operator.cost)) for operator in task.operators
+        replace(operator, cost=operator.duration + min(1, operator.cost))
+        for operator in task.operators
     )
     second = replace(
-        limits, expansions=OTHER_PLAN_EXPANSIONS, thorough=False, strategy="auto", improved=lambda _: None
+        limits,
+        expansions=OTHER_PLAN_EXPANSIONS,
+        thorough=False,
+        strategy="auto",
+        improved=lambda _: None,
     )
     answer = plan_task(replace(task, operators=operators), second)
     if isinstance(answer, Found) and _step_names(answer.plan) != _step_names(outcome.plan):

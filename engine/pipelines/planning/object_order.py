@@ -1,8 +1,9 @@
 """Exchanges interchangeable objects in a plan so that they come in the order they are named.
 
-A search does not care which of two probes it heats first, and takes either. The user who says "probe 1 and probe 2" expects
-probe 1 first. So where objects differ in their names alone, or in the numbers of their goals (how long each is heated), they
-change places in the plan that was found. Nothing is searched: the checker tells whether the result is a plan.
+A search does not care which of two probes it heats first, and takes either. The user who says
+"probe 1 and probe 2" expects probe 1 first. So where objects differ in their names alone, or in the
+numbers of their goals (how long each is heated), they change places in the plan that was found.
+Nothing is searched: the checker tells whether the result is a plan.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -25,7 +26,8 @@ Moves = Mapping[Term, Term]
 
 
 def canonical_object_order(semantics: Semantics, plan: Plan, fits: Callable[[Plan], bool]) -> Plan:
-    """The plan in which alike objects come in the order of goals and chains, as far as it `fits`; else the plan itself.
+    """The plan in which alike objects come in the order of goals and chains, as far as it `fits`;
+    else the plan itself.
 
     No such plan costs more or takes longer than the one that was found.
     """
@@ -36,16 +38,25 @@ def canonical_object_order(semantics: Semantics, plan: Plan, fits: Callable[[Pla
         if len(served) == len(group) and served != group:
             moves = _exchanges(semantics, dict(zip(served, group, strict=True)))
             exchanged_plan = None if moves is None else _exchange_objects(semantics, plan, moves)
-            better = exchanged_plan is not None and (exchanged_plan.cost, plan_makespan(exchanged_plan)) <= (
+            better = exchanged_plan is not None and (
+                exchanged_plan.cost,
+                plan_makespan(exchanged_plan),
+            ) <= (
                 plan.cost,
                 plan_makespan(plan),
             )
-            plan = exchanged_plan if exchanged_plan is not None and better and fits(exchanged_plan) else plan
+            plan = (
+                exchanged_plan
+                if exchanged_plan is not None and better and fits(exchanged_plan)
+                else plan
+            )
     return plan
 
 
 def _alike_objects(problem: Problem) -> Iterator[list[Function]]:
-    """Objects of one type with the same goals but for numbers, of which the same numbers are known, in the order of their names."""
+    """Objects of one type with the same goals but for numbers, of which the same numbers are
+    known, in the order of their names.
+    """
     types, facts_of_object = {**problem.domain.objects, **problem.objects}, _numeric_facts(problem)
     groups: dict[tuple[object, ...], list[Function]] = {}
     for named_object, wish in _wanted_constants(problem).items():
@@ -64,23 +75,31 @@ def _alike_objects(problem: Problem) -> Iterator[list[Function]]:
 def _wishes_about(
     wishes_of_object: Iterable[tuple[Atom, ...]], object_term: Function
 ) -> list[tuple[str, list[Number]]]:
-    """What is wanted of an object, sorted: as a text without its name and without numbers, and these numbers."""
+    """What is wanted of an object, sorted: as a text without its name and without numbers, and
+    these numbers.
+    """
     wishes = []
     for atoms in wishes_of_object:
         numbers = [number for atom in atoms for number in _numbers_in(atom)]
         hidden: dict[Term, Term] = {object_term: LOOKED_AT, **dict.fromkeys(numbers, ANYTHING)}
-        wishes.append((" then ".join(str(exchange_subterms(atom, hidden)) for atom in atoms), numbers))
+        wishes.append(
+            (" then ".join(str(exchange_subterms(atom, hidden)) for atom in atoms), numbers)
+        )
     return sorted(wishes, key=lambda wish: (wish[0], [number.value for number in wish[1]]))
 
 
 def _wanted_constants(problem: Problem) -> dict[Function, list[tuple[Atom, ...]]]:
-    """The constants of the goal and of the chains in the order in which they are named, each with the atoms of the parts and
-    chains that name it."""
+    """The constants of the goal and of the chains in the order in which they are named, each with
+    the atoms of the parts and chains that name it."""
     wishes = [chain.stages for chain in problem.chains]
-    wishes += [tuple(literal.atom for literal in literals_in(part)) for part in goal_parts(problem.goal)]
+    wishes += [
+        tuple(literal.atom for literal in literals_in(part)) for part in goal_parts(problem.goal)
+    ]
     wanted_atoms: dict[Function, list[tuple[Atom, ...]]] = {}
     for atoms in wishes:
-        for named_constant in dict.fromkeys(constant for atom in atoms for constant in _constants_in(atom)):
+        for named_constant in dict.fromkeys(
+            constant for atom in atoms for constant in _constants_in(atom)
+        ):
             wanted_atoms.setdefault(named_constant, []).append(atoms)
     return wanted_atoms
 
@@ -116,11 +135,15 @@ def _numeric_facts(problem: Problem) -> dict[Term, list[Atom]]:
 def _serving_order(plan: Plan, group: Sequence[Function]) -> list[Function]:
     """The objects in the order in which the plan begins to handle them."""
     among = set(group)
-    return list(dict.fromkeys(e for step in plan.steps for e in _constants_in(step.operator) if e in among))
+    return list(
+        dict.fromkeys(e for step in plan.steps for e in _constants_in(step.operator) if e in among)
+    )
 
 
 def _facts_about(semantics: Semantics, example: Function) -> list[Atom]:
-    """What holds at the start, and the static facts that anything asks for and that can be about such an object."""
+    """What holds at the start, and the static facts that anything asks for and that can be
+    about such an object.
+    """
     domain, declared = semantics.problem.domain, semantics.problem.domain.predicates
     type_ = {**domain.objects, **semantics.problem.objects}[example.name]
     about = (
@@ -129,7 +152,10 @@ def _facts_about(semantics: Semantics, example: Function) -> list[Atom]:
         if name in declared
         and any(domain.is_subtype(type_, argument) for argument in declared[name].arguments)
     )
-    return [*semantics.initial(), *(fact for name in about for fact in semantics.statics.named(name))]
+    return [
+        *semantics.initial(),
+        *(fact for name in about for fact in semantics.statics.named(name)),
+    ]
 
 
 def _asked_literals(domain: Domain) -> Iterator[Literal]:
@@ -144,7 +170,9 @@ def _asked_literals(domain: Domain) -> Iterator[Literal]:
 
 
 def _exchanges(semantics: Semantics, object_pairs: Mapping[Function, Function]) -> Moves | None:
-    """What takes the place of what, so that each object finds what belongs to it; None if that contradicts itself."""
+    """What takes the place of what, so that each object finds what belongs to it; None if that
+    contradicts itself.
+    """
     own: dict[Term, dict[tuple[str, int], set[Atom]]] = {thing: {} for thing in object_pairs}
     for fact in _facts_about(semantics, next(iter(object_pairs))):
         for place, argument in enumerate(fact.arguments):
@@ -163,10 +191,14 @@ def _exchanges(semantics: Semantics, object_pairs: Mapping[Function, Function]) 
     return moves if len(set(moves.values())) == len(moves) else None
 
 
-def _numbers_of(wishes: Mapping[Function, list[tuple[Atom, ...]]], object_term: Function) -> list[Term]:
+def _numbers_of(
+    wishes: Mapping[Function, list[tuple[Atom, ...]]], object_term: Function
+) -> list[Term]:
     """The numbers in what is wanted of an object."""
     return [
-        number for _, numbers in _wishes_about(wishes.get(object_term, ()), object_term) for number in numbers
+        number
+        for _, numbers in _wishes_about(wishes.get(object_term, ()), object_term)
+        for number in numbers
     ]
 
 
@@ -186,7 +218,9 @@ def _exchange_objects(semantics: Semantics, plan: Plan, moves: Moves) -> Plan | 
             cost = semantics.amounts.of(binding[0].cost, binding[1], 1)
         except NoAmount:
             return None
-        steps.append(replace(step, operator=operator, resources=resources, duration=duration, cost=cost))
+        steps.append(
+            replace(step, operator=operator, resources=resources, duration=duration, cost=cost)
+        )
     chains = _exchanged_chains(semantics.problem, moves)
     links = []
     for link in plan.links:
@@ -202,14 +236,17 @@ def _exchange_objects(semantics: Semantics, plan: Plan, moves: Moves) -> Plan | 
 
 
 def _exchange_atom(term: Atom, moves: Moves) -> Atom:
-    return Function(term.name, tuple(exchange_subterms(argument, moves) for argument in term.arguments))
+    return Function(
+        term.name, tuple(exchange_subterms(argument, moves) for argument in term.arguments)
+    )
 
 
 def _exchanged_chains(problem: Problem, moves: Moves) -> dict[str, str]:
     """For each chain the one whose stages take the places of its own, if there is one."""
     names = {chain.stages: chain.name for chain in reversed(problem.chains)}
     moved = {
-        chain.name: tuple(_exchange_atom(stage, moves) for stage in chain.stages) for chain in problem.chains
+        chain.name: tuple(_exchange_atom(stage, moves) for stage in chain.stages)
+        for chain in problem.chains
     }
     own = {chain.name for chain in problem.chains if moved[chain.name] == chain.stages}
     return {

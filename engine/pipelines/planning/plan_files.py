@@ -24,13 +24,15 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.targets import CONTACTS_FILE, find_target
 from cellwright.kb.terms import Number, Term
 
-OPERATORS_KEY = re.compile(r"^['\"]?(operators|use)['\"]?\s*:", re.MULTILINE)  # its own, or those of devices
+# its own, or those of devices
+OPERATORS_KEY = re.compile(r"^['\"]?(operators|use)['\"]?\s*:", re.MULTILINE)
 
 
 def check_plan(
     problem: Problem, plan: Plan, name: str = "plan", claims: Claims | None = None
 ) -> list[Diagnostic]:
-    """Everything that the independent checker has against a plan and against what is claimed of it; empty if it is valid.
+    """Everything that the independent checker has against a plan and against what is claimed of it;
+    empty if it is valid.
 
     Raises `InvalidInput`.
     """
@@ -51,25 +53,33 @@ def unmet_times(problem: Problem, plan: Plan, claims: Claims | None = None) -> U
     windows = windows_of(facts.atoms(words.window, 3))
     pairs = [(str(first), str(second)) for first, second in facts.atoms(words.before, 2)]
     longest = {
-        place: most.value for place, most in facts.atoms(words.longest_stay, 2) if isinstance(most, Number)
+        place: most.value
+        for place, most in facts.atoms(words.longest_stay, 2)
+        if isinstance(most, Number)
     }
     stays = _overstays_in(problem, plan, starts, longest) if longest else ()
     if not windows and not pairs:
         return Unmet(overstays=stays)
     visits = measured_steps(problem, plan)
-    return Unmet(missed_windows(windows, visits, starts), turned_pairs(pairs, visits, starts), stays)
+    return Unmet(
+        missed_windows(windows, visits, starts), turned_pairs(pairs, visits, starts), stays
+    )
 
 
 def _overstays_in(
     problem: Problem, plan: Plan, starts: Mapping[StepId, int], longest: Mapping[Term, int]
 ) -> tuple[Overstay, ...]:
-    from cellwright.engine.pipelines.planning.dwell_limits import find_overstays  # loads what schedules
+    # loads what schedules
+    from cellwright.engine.pipelines.planning.dwell_limits import find_overstays
 
     return find_overstays(problem, plan, starts, longest, Semantics(problem))
 
 
 def plan_in(file: Path) -> tuple[Problem, Plan]:
-    """The problem and the plan in a plan file; its domain may be one that is generated. Raises `InvalidInput`."""
+    """The problem and the plan in a plan file; its domain may be one that is generated.
+
+    Raises `InvalidInput`.
+    """
     return claimed_in(file)[:2]
 
 
@@ -90,8 +100,12 @@ def _is_bundled(target: str) -> bool:
 
 
 def generated_if_bare(domain: Path) -> File | None:
-    """The generated domain for a domain file without operators that has a contact model beside it, else None."""
-    if not domain.with_name(CONTACTS_FILE).is_file() or OPERATORS_KEY.search(read_file(domain).text):
+    """The generated domain for a domain file without operators that has a contact model beside
+    it, else None.
+    """
+    if not domain.with_name(CONTACTS_FILE).is_file() or OPERATORS_KEY.search(
+        read_file(domain).text
+    ):
         return None
     from cellwright.engine.pipelines.contact_states import generate_domain  # slow to import
 

@@ -1,7 +1,8 @@
 """The gate: every plan that the engine gives out passes the independent checker here.
 
-A gate keeps the evaluated static facts of the last few cells, so that the next plan for one of them is checked in
-milliseconds. It does not decide what happens to a plan that is refused: that is left to its caller.
+A gate keeps the evaluated static facts of the last few cells, so that the next plan for one of them
+is checked in milliseconds. It does not decide what happens to a plan that is refused: that is left
+to its caller.
 """
 
 from cellwright.engine.stages.validation import plan_findings
@@ -19,14 +20,19 @@ UNSHOWN = (
 
 
 class InternalError(Exception):
-    """The engine made a plan that its own checker refuses. This is a bug. The message holds the checker's findings."""
+    """The engine made a plan that its own checker refuses.
+
+    This is a bug. The message holds the checker's findings.
+    """
 
     def __init__(self, diagnostics: list[Diagnostic]) -> None:
         super().__init__("the checker refuses the plan:\n" + "\n".join(map(str, diagnostics)))
 
 
 def refusal_error(wrong: list[Diagnostic]) -> InternalError | InvalidInput:
-    """What to raise for a plan that the checker refuses: a domain may contradict itself where only this plan leads; else it is a bug."""
+    """What to raise for a plan that the checker refuses: a domain may contradict itself where
+    only this plan leads; else it is a bug.
+    """
     at_fault = all(diagnostic.code == "K301" for diagnostic in wrong)
     return InvalidInput(wrong) if at_fault else InternalError(wrong)
 
@@ -48,15 +54,19 @@ class PlanGate:
         self._cells = [fresh, *self._cells[: self._most - 1]]
         return fresh if state is None else fresh.about(problem, state) or fresh
 
-    def findings(self, problem: Problem, plan: Plan, state: State | None = None) -> list[Diagnostic]:
-        """All errors that the checker finds in a plan; `state`, if given, replaces the initial state."""
+    def findings(
+        self, problem: Problem, plan: Plan, state: State | None = None
+    ) -> list[Diagnostic]:
+        """All errors that the checker finds in a plan; `state`, if given, replaces the initial
+        state.
+        """
         return plan_findings(self.semantics(problem, state), plan)
 
     def settled(self, problem: Problem, plan: Plan) -> tuple[Plan, list[Diagnostic]]:
         """The plan as it may be given out, and what is wrong with it.
 
-        The checker may only fail to show that some steps need no order. The plan is then made a sequence and checked
-        again.
+        The checker may only fail to show that some steps need no order. The plan is then made a
+        sequence and checked again.
         """
         wrong = self.findings(problem, plan)
         if wrong and all(diagnostic.code in UNSHOWN for diagnostic in wrong):
@@ -65,7 +75,10 @@ class PlanGate:
         return plan, wrong
 
     def accepted(self, problem: Problem, plan: Plan) -> Plan:
-        """The plan as it may be given out. Raises `InternalError` or `InvalidInput` if it may not."""
+        """The plan as it may be given out.
+
+        Raises `InternalError` or `InvalidInput` if it may not.
+        """
         made, wrong = self.settled(problem, plan)
         if wrong:
             raise refusal_error(wrong)

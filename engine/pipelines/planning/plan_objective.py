@@ -1,7 +1,7 @@
 """Plans for an objective: the least makespan where steps take time, else the least cost.
 
-A search knows costs only. So several of its plans are scheduled, and the best one is the answer: the one that costs least,
-and the one whose steps take least time.
+A search knows costs only. So several of its plans are scheduled, and the best one is the answer:
+the one that costs least, and the one whose steps take least time.
 """
 
 import time
@@ -13,7 +13,11 @@ from typing import TYPE_CHECKING
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from cellwright.engine.model.part_measurements import is_put_in_order
-from cellwright.engine.pipelines.planning.checked_plan import in_named_order, plan_and_ground, task_for
+from cellwright.engine.pipelines.planning.checked_plan import (
+    in_named_order,
+    plan_and_ground,
+    task_for,
+)
 from cellwright.engine.stages.grounding.instance_bounds import bound_instances
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.model.plan_model import Plan, StepId
@@ -66,13 +70,16 @@ def plan_for_objective(
     objective: PlanningObjective | None = None,
     order: SequenceChoice = SequenceChoice.SEQUENCE,
 ) -> Run:
-    """A checked plan for a problem with the least that is found of an objective. Raises `InvalidInput`.
+    """A checked plan for a problem with the least that is found of an objective. Raises
+    `InvalidInput`.
 
-    Without an objective it is the makespan where steps of the plan take time, else the cost. Measurements are made in the
-    order of the sequencer, unless the order is free.
+    Without an objective it is the makespan where steps of the plan take time, else the cost.
+    Measurements are made in the order of the sequencer, unless the order is free.
     """
     cheap = objective is PlanningObjective.COST
-    followed = plan_sequence(problem, limits, cheap=cheap) if order is SequenceChoice.SEQUENCE else None
+    followed = (
+        plan_sequence(problem, limits, cheap=cheap) if order is SequenceChoice.SEQUENCE else None
+    )
     if followed is not None:
         return followed
     outcome, task = plan_and_ground(problem, limits, ordered=not problem.chains)
@@ -86,11 +93,13 @@ def plan_sequence(
     store: str = "",
     cheap: bool = False,
 ) -> Run | None:
-    """The run of an inspection in the order of its sequence; None if the problem is none, or has no such plan.
+    """The run of an inspection in the order of its sequence; None if the problem is none, or has no
+    such plan.
 
     Changes of tools and stations are ordered so that the plan is fast, or `cheap` first.
 
-    MACROPs are found in `memory` and learned there, and a sequence is kept in `store`, if they are given.
+    MACROPs are found in `memory` and learned there, and a sequence is kept in `store`, if they are
+    given.
     """
     if not is_put_in_order(problem):
         return None
@@ -101,7 +110,9 @@ def plan_sequence(
     sequenced_outcome = by_sequence(problem, limits, memory, store, cheap)
     if sequenced_outcome is None:
         return None
-    if not isinstance(sequenced_outcome.outcome, Found) or not _takes_time(sequenced_outcome.outcome.plan):
+    if not isinstance(sequenced_outcome.outcome, Found) or not _takes_time(
+        sequenced_outcome.outcome.plan
+    ):
         return Run(sequenced_outcome.outcome, None, sequenced_outcome.itinerary)
     from cellwright.engine.pipelines.planning.timetable import keep_plan_order
 
@@ -110,7 +121,9 @@ def plan_sequence(
 
 
 def _prove_cheapest(problem: Problem, outcome: Found, limits: SearchLimits) -> Found:
-    """The outcome for a small problem with the proof that no plan costs less, if the planner finds such a proof."""
+    """The outcome for a small problem with the proof that no plan costs less, if the planner
+    finds such a proof.
+    """
     if bound_instances(problem) > MAX_PROVED_INSTANCES:
         return outcome
     free, _ = plan_and_ground(problem, limits)
@@ -125,16 +138,22 @@ def schedule_outcome(
     objective: PlanningObjective | None,
     task: GroundTask | None = None,
 ) -> Run:
-    """`plan` for an outcome that is known already, and for its ground `task` if that is. Raises `InvalidInput`."""
+    """`plan` for an outcome that is known already, and for its ground `task` if that is.
+
+    Raises `InvalidInput`.
+    """
     if not isinstance(outcome, Found) or not _takes_time(outcome.plan):
         return Run(outcome)
-    return _run_of_outcome(problem, task or task_for(problem, outcome.plan), outcome, limits, objective)
+    return _run_of_outcome(
+        problem, task or task_for(problem, outcome.plan), outcome, limits, objective
+    )
 
 
 def plan_fastest(
     problem: Problem, limits: SearchLimits, work: "ScheduleLimits | None" = None
 ) -> "Timetable | Infeasible | GaveUp":
-    """The timetable of the plan with the least makespan that is found, or why there is none. Raises `InvalidInput`.
+    """The timetable of the plan with the least makespan that is found, or why there is none. Raises
+    `InvalidInput`.
 
     The plan of an inspection follows its sequence, and the schedule keeps this order.
     """
@@ -150,13 +169,21 @@ def plan_fastest(
 
     planning = time.perf_counter() - started
     best = _with_refusal_note(
-        *makespan_plans.search_least_makespan(problem, task, outcome, limits, work or ScheduleLimits())
+        *makespan_plans.search_least_makespan(
+            problem, task, outcome, limits, work or ScheduleLimits()
+        )
     )
-    seconds = {"planning": planning, **best.statistics.seconds, "in all": time.perf_counter() - started}
+    seconds = {
+        "planning": planning,
+        **best.statistics.seconds,
+        "in all": time.perf_counter() - started,
+    }
     return replace(best, statistics=Statistics(best.statistics.counts, seconds))
 
 
-def _sequence_timetable(problem: Problem, followed: Run, started: float) -> "Timetable | Infeasible | GaveUp":
+def _sequence_timetable(
+    problem: Problem, followed: Run, started: float
+) -> "Timetable | Infeasible | GaveUp":
     """The timetable of a plan that follows a sequence, or why there is none."""
     outcome = followed.outcome
     if not isinstance(outcome, Found):
@@ -175,12 +202,16 @@ def _run_of_outcome(
     limits: SearchLimits,
     objective: PlanningObjective | None,
 ) -> Run:
-    """An outcome with its timetable, and for the makespan with the best plan found from its own on."""
+    """An outcome with its timetable, and for the makespan with the best plan found from its own
+    on.
+    """
     if not isinstance(outcome, Found):
         return Run(outcome)
     if not _takes_time(outcome.plan):
         return Run(
-            replace(outcome, plan=_tidy_plan(problem, task, outcome.plan)) if problem.chains else outcome
+            replace(outcome, plan=_tidy_plan(problem, task, outcome.plan))
+            if problem.chains
+            else outcome
         )
     from cellwright.engine.pipelines.planning import makespan_plans
     from cellwright.engine.pipelines.planning.timetable import own_order
@@ -194,12 +225,16 @@ def _run_of_outcome(
 
 
 def _with_refusal_note(best: "Timetable", refused: Infeasible | GaveUp | None) -> "Timetable":
-    """The timetable; where things stay too long in it, with the reason why a plan has no other one."""
+    """The timetable; where things stay too long in it, with the reason why a plan has no other
+    one.
+    """
     return replace(best, note=refused.reason) if best.overstays and refused is not None else best
 
 
 def _tidy_plan(problem: Problem, task: GroundTask, plan: Plan) -> Plan:
-    """The plan with its settings in their turn, and what is alike in the order in which it is named."""
+    """The plan with its settings in their turn, and what is alike in the order in which it is
+    named.
+    """
     if problem.chains:
         from cellwright.engine.pipelines.planning.makespan_plans import (
             delay_settings,  # loads what cuts plans into blocks

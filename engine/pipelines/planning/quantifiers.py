@@ -7,7 +7,16 @@ from dataclasses import replace
 from cellwright.engine.stages.validation.checker_facts import CheckerFacts
 from cellwright.engine.stages.validation.condition_solving import condition_holds
 from cellwright.engine.stages.validation.operator_semantics import Semantics
-from cellwright.kb.model.conditions import And, Comparison, Condition, ForAll, Literal, Not, Or, goal_parts
+from cellwright.kb.model.conditions import (
+    And,
+    Comparison,
+    Condition,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    goal_parts,
+)
 from cellwright.kb.model.domain_model import Kind
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Term, Variable, natural_key, substitute_atom, substitute_term
@@ -18,13 +27,16 @@ Binding = Mapping[Variable, Term]
 
 
 def expand_forall(problem: Problem) -> Problem:
-    """The problem with "sorted(I) : item(I)" as sorted(a), sorted(b), ...; what has no such form stays as it is."""
+    """The problem with "sorted(I) : item(I)" as sorted(a), sorted(b), ...; what has no such
+    form stays as it is.
+    """
     goals = goal_parts(problem.goal)
     if not any(isinstance(goal, ForAll) for goal in goals):
         return problem
     semantics = Semantics(problem)
     return replace(
-        problem, goal=And(tuple(part for goal in goals for part in _expanded_goals(goal, semantics)))
+        problem,
+        goal=And(tuple(part for goal in goals for part in _expanded_goals(goal, semantics))),
     )
 
 
@@ -32,7 +44,9 @@ def _expanded_goals(goal: Condition, semantics: Semantics) -> tuple[Condition, .
     if not isinstance(goal, ForAll):
         return (goal,)
     values = [
-        sorted({atom.arguments[0] for atom in semantics.statics.named(parameter.type)}, key=natural_key)
+        sorted(
+            {atom.arguments[0] for atom in semantics.statics.named(parameter.type)}, key=natural_key
+        )
         for parameter in goal.parameters
     ]
     names = [parameter.variable for parameter in goal.parameters]
@@ -53,7 +67,9 @@ def _expanded_goals(goal: Condition, semantics: Semantics) -> tuple[Condition, .
 
 
 class _Other(Exception):
-    """A condition with parts that are not bound here: aggregates, and conditions on some or all objects."""
+    """A condition with parts that are not bound here: aggregates, and conditions on some or all
+    objects.
+    """
 
 
 def _bind_condition(condition: Condition, binding: Binding) -> Condition:
@@ -61,7 +77,9 @@ def _bind_condition(condition: Condition, binding: Binding) -> Condition:
         case Literal(atom):
             return replace(condition, atom=substitute_atom(atom, binding))
         case Comparison(left_term, relation, right):
-            return Comparison(substitute_term(left_term, binding), relation, substitute_term(right, binding))
+            return Comparison(
+                substitute_term(left_term, binding), relation, substitute_term(right, binding)
+            )
         case Not(part):
             return Not(_bind_condition(part, binding))
         case And(parts) | Or(parts):

@@ -1,8 +1,9 @@
 """Problems without forbidden steps: those that use lost resources, and those that have failed.
 
-What is lost may still be put away, so that others can go on: a step that uses it is taken if all that it ends are facts about
-what is lost, and if it makes something true that is not about it (a hand is empty again). Or if all that it does is to carry what is
-lost from one place to another: a gripper takes a broken plate off the shaker.
+What is lost may still be put away, so that others can go on: a step that uses it is taken if all
+that it ends are facts about what is lost, and if it makes something true that is not about it (a
+hand is empty again). Or if all that it does is to carry what is lost from one place to another: a
+gripper takes a broken plate off the shaker.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -22,17 +23,22 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Term, Variable
 
 
-def forbid_steps(problem: Problem, lost: Collection[str] = (), blocked: Collection[Function] = ()) -> Problem:
-    """The problem without the steps that use a lost resource, and without those that fit a pattern in `blocked`.
+def forbid_steps(
+    problem: Problem, lost: Collection[str] = (), blocked: Collection[Function] = ()
+) -> Problem:
+    """The problem without the steps that use a lost resource, and without those that fit a pattern
+    in `blocked`.
 
-    A resource is lost with each object that is named in it. Each variable of a pattern stands for anything.
+    A resource is lost with each object that is named in it. Each variable of a pattern stands for
+    anything.
     """
     if not lost and not blocked:
         return problem
     losses = _Losses(problem, lost) if lost else None
     kept_operators = [
         _without_steps(
-            losses.spared(operator) if losses else operator, [b for b in blocked if b.name == operator.name]
+            losses.spared(operator) if losses else operator,
+            [b for b in blocked if b.name == operator.name],
         )
         for operator in problem.domain.operators
         if not (losses and losses.stops(operator))
@@ -62,7 +68,11 @@ class _Losses:
         other_conditions = tuple(
             part for resource in operator.resources for part in self._other(operator, resource)
         )
-        return replace(operator, body=(*operator.body, *other_conditions)) if other_conditions else operator
+        return (
+            replace(operator, body=(*operator.body, *other_conditions))
+            if other_conditions
+            else operator
+        )
 
     def names(self, term: Term) -> bool:
         """Whether something lost is named in a term."""
@@ -74,7 +84,9 @@ class _Losses:
     def _other(self, operator: Operator, resource: Term) -> Iterator[Comparison]:
         if not isinstance(resource, Variable):
             return
-        type_ = next(parameter.type for parameter in operator.parameters if parameter.variable == resource)
+        type_ = next(
+            parameter.type for parameter in operator.parameters if parameter.variable == resource
+        )
         values = {atom.arguments[0] for atom in self.statics.named(type_)}
         for value in sorted(filter(self.names, values), key=str):
             if not self._may(operator, resource, value):
@@ -88,10 +100,16 @@ class _Losses:
             return False
         if _puts_away(schema, resource):
             return True
-        return len(operator.resources) > 1 and _is_transport(schema, resource, lost) and not self._acts(lost)
+        return (
+            len(operator.resources) > 1
+            and _is_transport(schema, resource, lost)
+            and not self._acts(lost)
+        )
 
     def _acts(self, value: Term) -> bool:
-        """Whether something does steps by itself, as an arm that moves: such a thing is not carried."""
+        """Whether something does steps by itself, as an arm that moves: such a thing is not
+        carried.
+        """
         return any(
             self._can_be(operator, operator.resources[0], value)
             for operator in self.schemas.domain.operators
@@ -99,7 +117,9 @@ class _Losses:
         )
 
     def _can_be(self, operator: Operator, resource: Term, value: Term) -> bool:
-        types = [parameter.type for parameter in operator.parameters if parameter.variable == resource]
+        types = [
+            parameter.type for parameter in operator.parameters if parameter.variable == resource
+        ]
         typed_objects = (atom.arguments[0] for type_ in types for atom in self.statics.named(type_))
         return resource == value or value in typed_objects
 
@@ -117,12 +137,16 @@ def _puts_away(schema: OperatorSchema, resource: Term) -> bool:
 
 
 def _is_transport(schema: OperatorSchema, resource: Term, lost: Term) -> bool:
-    """Whether all that a step changes is where a thing is, and whether the places and hands that it leaves or comes to are free."""
+    """Whether all that a step changes is where a thing is, and whether the places and hands
+    that it leaves or comes to are free.
+    """
     ends = [literal.atom for literal in schema.denies if _can_follow(literal, resource, lost)]
     makes = [literal.atom for literal in schema.adds if _can_follow(literal, resource, lost)]
     left_names = {ended.name for ended in ends if _mentions_resource(ended, resource)}
     come_to = {begun.name for begun in makes if _mentions_resource(begun, resource)}
-    held_atoms = (part.atom for body in schema.alternatives for part in body if isinstance(part, Literal))
+    held_atoms = (
+        part.atom for body in schema.alternatives for part in body if isinstance(part, Literal)
+    )
     about = [atom for atom in (*ends, *makes, *held_atoms) if _mentions_resource(atom, resource)]
     places = {argument for atom in about for argument in atom.arguments}
     other_atoms = [atom for atom in (*ends, *makes) if not _mentions_resource(atom, resource)]
@@ -136,7 +160,9 @@ def _is_transport(schema: OperatorSchema, resource: Term, lost: Term) -> bool:
 
 
 def _can_follow(effect: GuardedAtom, resource: Term, lost: Term) -> bool:
-    """Whether an effect can come about for this thing: what is said of the lid alone does not for a probe."""
+    """Whether an effect can come about for this thing: what is said of the lid alone does not
+    for a probe.
+    """
     equal = (part for part in effect.guard if isinstance(part, Comparison) and part.relation == "=")
     sides = ((part.left, part.right) for part in equal)
     named = (
@@ -173,14 +199,18 @@ def _without_steps(operator: Operator, patterns: Sequence[Function]) -> Operator
 
 def _binding_condition(variables: Sequence[Variable], values_sought: Sequence[Term]) -> Condition:
     named = [
-        (v, term) for v, term in zip(variables, values_sought, strict=True) if not isinstance(term, Variable)
+        (v, term)
+        for v, term in zip(variables, values_sought, strict=True)
+        if not isinstance(term, Variable)
     ]
     differences = tuple(Comparison(variable, "!=", term) for variable, term in named)
     return differences[0] if len(differences) == 1 else Or(differences)
 
 
 def forbid_unreachable_steps(problem: Problem, refused: Iterable[Unmoved]) -> Problem:
-    """The problem in which no refused step is taken while the facts hold that its motion failed under."""
+    """The problem in which no refused step is taken while the facts hold that its motion failed
+    under.
+    """
     by_name: dict[str, list[Unmoved]] = {}
     for unmoved in refused:
         by_name.setdefault(unmoved.operator.name, []).append(unmoved)

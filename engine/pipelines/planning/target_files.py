@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 def load_target(path: Path) -> "Loaded":
-    """What is in the file of a domain or problem; the domain may be one that is generated. Raises `InvalidInput`."""
+    """What is in the file of a domain or problem; the domain may be one that is generated.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.engine.pipelines.planning.plan_files import generated_if_bare
     from cellwright.kb.loader import load
 
@@ -22,7 +25,10 @@ def load_target(path: Path) -> "Loaded":
 
 
 def initial_facts(target: str) -> frozenset[Atom]:
-    """The initial state of the problem that a target names; empty for a domain, which is not read. Raises `InvalidInput`."""
+    """The initial state of the problem that a target names; empty for a domain, which is not read.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.kb.loader.domain_lookup import domain_of
 
     path = find_target(target)

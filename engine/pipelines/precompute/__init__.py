@@ -1,7 +1,8 @@
 """Precomputation: many problems are planned offline, so that a store holds the answers.
 
-Every problem is planned, and MACROPs are learned from the plans. If the domain chooses tools for measurements, their
-sequence is kept, too. A preparation that was cut off goes on where it was: a ledger in the store has what is finished.
+Every problem is planned, and MACROPs are learned from the plans. If the domain chooses tools for
+measurements, their sequence is kept, too. A preparation that was cut off goes on where it was: a
+ledger in the store has what is finished.
 """
 
 import contextlib
@@ -43,7 +44,14 @@ from cellwright.kb.model.domain_model import Domain
 from cellwright.kb.stopping import StoppedByCaller
 from cellwright.kb.store import Library
 
-__all__ = ["KeptPoses", "KeptSequence", "Preparation", "PreparedProblem", "prepare_problems", "show_nothing"]
+__all__ = [
+    "KeptPoses",
+    "KeptSequence",
+    "Preparation",
+    "PreparedProblem",
+    "prepare_problems",
+    "show_nothing",
+]
 
 
 def prepare_problems(
@@ -53,14 +61,19 @@ def prepare_problems(
     crew: WorkCrew,
     progress: Callable[[int, int], None] = show_nothing,
 ) -> Preparation:
-    """Plan every problem file, and keep what was learned. Stale MACROPs of the domains are removed first.
+    """Plan every problem file, and keep what was learned. Stale MACROPs of the domains are removed
+    first.
 
-    When `limits.interrupted` holds, running searches end and the remaining problems are not planned. Raises `InvalidInput`
-    if the library or the crew cannot be used.
+    When `limits.interrupted` holds, running searches end and the remaining problems are not
+    planned. Raises `InvalidInput` if the library or the crew cannot be used.
     """
     jobs = [
         PreparationJob(
-            path.absolute(), shared_store(store), limits.expansions, limits.seed, content_digest(path)
+            path.absolute(),
+            shared_store(store),
+            limits.expansions,
+            limits.seed,
+            content_digest(path),
         )
         for path in paths
     ]
@@ -73,14 +86,17 @@ def prepare_problems(
         StoppedByCaller
     ):  # the end of the time met what never asks whether to stop: the rest is lost
         before = (
-            Counter[Path]() if isinstance(crew, AloneCrew) else find_poses(jobs, crew, limits.interrupted)
+            Counter[Path]()
+            if isinstance(crew, AloneCrew)
+            else find_poses(jobs, crew, limits.interrupted)
         )
         with contextlib.closing(_carried_out(jobs, store, limits, crew)) as answers:
             for unit, prepared in answers:
                 prepared_of[unit.job.path] = with_found(prepared, before[unit.job.path])
                 progress(len(prepared_of), len(jobs))
     return Preparation(
-        tuple(prepared_of.get(job.path) or lost_problem(job, UNIT_INTERRUPTED) for job in jobs), stale
+        tuple(prepared_of.get(job.path) or lost_problem(job, UNIT_INTERRUPTED) for job in jobs),
+        stale,
     )
 
 
@@ -108,7 +124,8 @@ def _without_stale(paths: Sequence[Path], store: str) -> dict[int, tuple[str, ..
     gone: dict[int, tuple[str, ...]] = {}
     with Library(store) as library:
         if not library.figures().macrops:
-            return gone  # reading all domains takes a while, and each is read again by those who plan
+            # reading all domains takes a while, and each is read again by those who plan
+            return gone
         for domain in _readable_domains(paths):
             outdated = library.outdated(domain.name, DomainDigests(domain).of)
             library.forget(outdated)
@@ -117,7 +134,10 @@ def _without_stale(paths: Sequence[Path], store: str) -> dict[int, tuple[str, ..
 
 
 def _readable_domains(paths: Sequence[Path]) -> list[Domain]:
-    """The domains of all problems that can be read, each once. Errors in the other files are reported later."""
+    """The domains of all problems that can be read, each once.
+
+    Errors in the other files are reported later.
+    """
     domain_of_path: dict[Path, Domain] = {}
     for path in paths:
         with contextlib.suppress(InvalidInput):

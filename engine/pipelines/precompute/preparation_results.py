@@ -15,8 +15,8 @@ from cellwright.kb.loader import find_target, problem_files
 class KeptSequence:
     """The sequence that is kept for a problem. `left` is the number of visits that are not done.
 
-    `way` is `made`, `kept` (as it was) or `resequenced`. `changes` counts the visits that were reordered, moved to another
-    tool, added, dropped or outdated since the last time.
+    `way` is `made`, `kept` (as it was) or `resequenced`. `changes` counts the visits that were
+    reordered, moved to another tool, added, dropped or outdated since the last time.
     """
 
     way: str
@@ -26,7 +26,9 @@ class KeptSequence:
 
 @dataclass(frozen=True, slots=True)
 class KeptPoses:
-    """What is kept of where the arm can stand for measurements: counts, and the measurements out of reach, with the reasons."""
+    """What is kept of where the arm can stand for measurements: counts, and the measurements
+    out of reach, with the reasons.
+    """
 
     reached: int
     made: int
@@ -38,9 +40,9 @@ class KeptPoses:
 class PreparedProblem:
     """The result for one problem. `status`: found, infeasible, gave up or bad input.
 
-    `origin`, `macrop`, `name` and `reason` are those of `Answered`; the origin `sequence` is a plan that follows the sequence of its
-    measurements.
-    What is not `finished` is done again by the next preparation.
+    `origin`, `macrop`, `name` and `reason` are those of `Answered`; the origin `sequence` is a plan
+    that follows the sequence of its measurements. What is not `finished` is done again by the next
+    preparation.
     """
 
     problem: str
@@ -60,7 +62,8 @@ class PreparedProblem:
 class Preparation:
     """The results for a set of problems.
 
-    `stale` holds the MACROPs that were removed: for each number the parts of the domain that had changed.
+    `stale` holds the MACROPs that were removed: for each number the parts of the domain that had
+    changed.
     """
 
     problems: tuple[PreparedProblem, ...]
@@ -69,7 +72,8 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class PreparationJob:
-    """What one process needs to plan a problem: the problem's file, the store, and the limits of the search.
+    """What one process needs to plan a problem: the problem's file, the store, and the limits of
+    the search.
 
     `content` is a digest of the files.
     """

@@ -21,7 +21,10 @@ from cellwright.engine.pipelines.jobs import (
 from cellwright.engine.pipelines.jobs.input_digests import require_same
 from cellwright.engine.pipelines.jobs.unit_scheduler import UNIT_INTERRUPTED
 from cellwright.engine.pipelines.planning.checked_plan import LARGE_INSTANCES
-from cellwright.engine.pipelines.planning.macros.library_planner import LibraryAnswer, LibraryPlanner
+from cellwright.engine.pipelines.planning.macros.library_planner import (
+    LibraryAnswer,
+    LibraryPlanner,
+)
 from cellwright.engine.pipelines.planning.plan_objective import plan_sequence
 from cellwright.engine.pipelines.planning.target_files import load_target
 from cellwright.engine.pipelines.precompute.preparation_results import (
@@ -59,8 +62,11 @@ class PosesFound:
     why: str = ""
 
 
-def find_poses(jobs: Sequence[PreparationJob], crew: WorkCrew, interrupted: Interrupted) -> Counter[Path]:
-    """Find the poses of large problems, if there are few problems, and keep them in the store; how many for each file.
+def find_poses(
+    jobs: Sequence[PreparationJob], crew: WorkCrew, interrupted: Interrupted
+) -> Counter[Path]:
+    """Find the poses of large problems, if there are few problems, and keep them in the store; how
+    many for each file.
 
     Raises `InvalidInput`.
     """
@@ -79,7 +85,9 @@ def find_poses(jobs: Sequence[PreparationJob], crew: WorkCrew, interrupted: Inte
 
 
 def with_found(prepared: PreparedProblem, count: int) -> PreparedProblem:
-    """The result for a problem, for which so many poses had been found before: they count as found, not as kept."""
+    """The result for a problem, for which so many poses had been found before: they count as
+    found, not as kept.
+    """
     poses = prepared.poses
     if poses is None or not count:
         return prepared
@@ -87,7 +95,9 @@ def with_found(prepared: PreparedProblem, count: int) -> PreparedProblem:
 
 
 def cell_of_measurements(problem: Problem) -> Cell | None:
-    """The cell that says what arms do where the problem measures; None if there is none. Raises `InvalidInput`."""
+    """The cell that says what arms do where the problem measures; None if there is none. Raises
+    `InvalidInput`.
+    """
     path = Path(problem.domain.path).with_name(CELL_FILE)
     if not chooses_tools(problem.domain) or not problem.domain.path or not path.is_file():
         return None
@@ -109,12 +119,15 @@ def _pose_units(job: PreparationJob) -> Iterator[WorkUnit[PosesJob]]:
             return
         for n in range(0, len(names), MEASUREMENTS_PER_UNIT):
             yield WorkUnit(
-                f"{job.path} {n}", job.content, PosesJob(job, tuple(names[n : n + MEASUREMENTS_PER_UNIT]))
+                f"{job.path} {n}",
+                job.content,
+                PosesJob(job, tuple(names[n : n + MEASUREMENTS_PER_UNIT])),
             )
 
 
 def _find_unit(asked: PosesJob, interrupted: Interrupted) -> PosesFound:
-    from cellwright.engine.pipelines.motion.measurement_poses import kept_poses  # geometry is slow to load
+    # geometry is slow to load
+    from cellwright.engine.pipelines.motion.measurement_poses import kept_poses
     from cellwright.engine.plugins import geometry_backend
 
     job = asked.job
@@ -124,8 +137,11 @@ def _find_unit(asked: PosesJob, interrupted: Interrupted) -> PosesFound:
         cell = None if problem is None else cell_of_measurements(problem)
         if problem is None or cell is None or interrupted():
             return PosesFound(why="the files have changed")
-        return PosesFound(kept_poses(job.store, problem, cell, geometry_backend(), asked.names).made)
-    except (InvalidInput, StoppedByCaller) as error:  # who prepares the problem meets it again, and tells it
+        return PosesFound(
+            kept_poses(job.store, problem, cell, geometry_backend(), asked.names).made
+        )
+    # who prepares the problem meets it again, and tells it
+    except (InvalidInput, StoppedByCaller) as error:
         return PosesFound(why=str(error))
 
 
@@ -149,8 +165,8 @@ def prepare_problem(
 ) -> PreparedProblem | DraftedResult[PreparedProblem]:
     """Plan one problem with the library in the store, and bring its kept sequence up to date.
 
-    What is learned waits in a draft. Poses and the sequence are written at once: they replace older ones, so finding them twice does no
-    harm.
+    What is learned waits in a draft. Poses and the sequence are written at once: they replace older
+    ones, so finding them twice does no harm.
     """
     if interrupted():
         return lost_problem(job, UNIT_INTERRUPTED)
@@ -158,7 +174,9 @@ def prepare_problem(
         require_same(job.path, job.content)
         problem = load_target(job.path).problem
         if problem is None:
-            return PreparedProblem(str(job.path), "bad input", reason="this is a domain, not a problem")
+            return PreparedProblem(
+                str(job.path), "bad input", reason="this is a domain, not a problem"
+            )
         measures = chooses_tools(problem.domain)
         poses = _update_poses(job.store, problem) if measures else None
         sequence = _update_sequence(job.store, problem) if measures else None
@@ -174,7 +192,11 @@ def prepare_problem(
     outcome = answered.outcome
     prepared = PreparedProblem(
         problem.name,
-        "found" if isinstance(outcome, Found) else "gave up" if isinstance(outcome, GaveUp) else "infeasible",
+        "found"
+        if isinstance(outcome, Found)
+        else "gave up"
+        if isinstance(outcome, GaveUp)
+        else "infeasible",
         answered.origin,
         answered.macrop,
         answered.name,
@@ -187,9 +209,11 @@ def prepare_problem(
     return DraftedResult(draft, lambda: replace(prepared, macrop=draft.settled(prepared.macrop)))
 
 
-def _answer_problem(store: str, problem: Problem, limits: SearchLimits) -> tuple[LibraryDraft, LibraryAnswer]:
-    """The answer for a problem, which the library keeps. Of measurements that are too many to be planned at once, as `plan` does:
-    they follow their sequence. What was learned is in the draft.
+def _answer_problem(
+    store: str, problem: Problem, limits: SearchLimits
+) -> tuple[LibraryDraft, LibraryAnswer]:
+    """The answer for a problem, which the library keeps. Of measurements that are too many to be
+    planned at once, as `plan` does: they follow their sequence. What was learned is in the draft.
     """
     with LibraryDraft(store) as library, LibraryPlanner(library, limits) as practice:
         if bound_instances(problem) > LARGE_INSTANCES:
@@ -207,11 +231,14 @@ def lost_problem(job: PreparationJob, why: str) -> PreparedProblem:
 
 
 def _update_poses(store: str, problem: Problem) -> KeptPoses | None:
-    """Bring the poses of a problem's measurements up to date in the store; None without a cell that says what arms do."""
+    """Bring the poses of a problem's measurements up to date in the store; None without a cell
+    that says what arms do.
+    """
     cell = cell_of_measurements(problem)
     if cell is None:
         return None
-    from cellwright.engine.pipelines.motion.measurement_poses import kept_poses  # geometry is slow to load
+    # geometry is slow to load
+    from cellwright.engine.pipelines.motion.measurement_poses import kept_poses
     from cellwright.engine.plugins import geometry_backend
 
     kept = kept_poses(store, problem, cell, geometry_backend())
@@ -220,7 +247,9 @@ def _update_poses(store: str, problem: Problem) -> KeptPoses | None:
 
 
 def _update_sequence(store: str, problem: Problem) -> KeptSequence:
-    """Bring the kept sequence of a problem's measurements up to date in the store, and report on it."""
+    """Bring the kept sequence of a problem's measurements up to date in the store, and report
+    on it.
+    """
     from cellwright.engine.pipelines.planning.decomposition.kept_sequences import carry_on
 
     carried_on = carry_on(store, problem)
@@ -231,5 +260,9 @@ def _update_sequence(store: str, problem: Problem) -> KeptSequence:
         "dropped": len(carried_on.dropped),
         "outdated": len(carried_on.outdated),
     }
-    changes = {change: count for change, count in counts.items() if count} if carried_on.way != "made" else {}
+    changes = (
+        {change: count for change, count in counts.items() if count}
+        if carried_on.way != "made"
+        else {}
+    )
     return KeptSequence(carried_on.way, len(carried_on.plan.rest), changes)

@@ -1,6 +1,7 @@
 """Recovery: the cause of an exception, its repair, and the plan revised for what is left.
 
-`Dynamics` says what a step does in a state, and `FaultyCell` what it does while causes of an exception are there.
+`Dynamics` says what a step does in a state, and `FaultyCell` what it does while causes of an
+exception are there.
 """
 
 from cellwright.engine.pipelines.recovery.symbolic_world import SymbolicWorld
@@ -12,4 +13,11 @@ from cellwright.engine.pipelines.recovery.world_model import (
     WorldState,
 )
 
-__all__ = ["Dynamics", "FaultyCell", "KeptHistory", "StepAchievement", "SymbolicWorld", "WorldState"]
+__all__ = [
+    "Dynamics",
+    "FaultyCell",
+    "KeptHistory",
+    "StepAchievement",
+    "SymbolicWorld",
+    "WorldState",
+]

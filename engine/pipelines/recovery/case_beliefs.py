@@ -31,13 +31,16 @@ State = frozenset[Atom]
 
 @dataclass
 class Preparations:
-    """What bringing about the preconditions of tests and repairs costs, from the present state and from each other."""
+    """What bringing about the preconditions of tests and repairs costs, from the present state
+    and from each other.
+    """
 
     problem: Problem
     binding: Binding = field(default_factory=dict)
     limits: SearchLimits = PREPARATION_LIMITS
     plans: dict[tuple[State, Condition], Plan | None] = field(default_factory=dict)
-    states: list[State] = field(default_factory=list)  # the situations by number, which stay when others join
+    # the situations by number, which stay when others join
+    states: list[State] = field(default_factory=list)
 
     @cached_property
     def semantics(self) -> Semantics:
@@ -47,8 +50,8 @@ class Preparations:
     def __call__(self, preconditions: Sequence[tuple[Atom, ...]]) -> Setup:
         """The situations: the present one, and after preparing each of the conditions in turn.
 
-        Cost i, j is the duration of the steps of a plan from situation i to the preconditions of action j; infinite
-        from the present one where there is none.
+        Cost i, j is the duration of the steps of a plan from situation i to the preconditions of
+        action j; infinite from the present one where there is none.
         """
         goals = [self.goal(precondition) for precondition in preconditions]
         if not self.states:
@@ -61,7 +64,11 @@ class Preparations:
         for state in self.states:
             price = [self._cost(state, goal) for goal in goals]
             costs.append(
-                tuple(price if state is self.states[0] else [min(cost, UNREACHABLE_COST_S) for cost in price])
+                tuple(
+                    price
+                    if state is self.states[0]
+                    else [min(cost, UNREACHABLE_COST_S) for cost in price]
+                )
             )
             following.append(tuple(self._situation(state, goal) for goal in goals))
         return Setup(tuple(costs), tuple(following))
@@ -84,13 +91,18 @@ class Preparations:
         types: dict[Variable, str] = {}
         for atom in atoms:
             _infer_types(
-                atom, self.problem.domain.predicates[atom.name].arguments, self.problem.domain, types
+                atom,
+                self.problem.domain.predicates[atom.name].arguments,
+                self.problem.domain,
+                types,
             )
         goal = And(tuple(Literal(atom) for atom in atoms))
         return Exists(tuple(Parameter(v, t) for v, t in types.items()), goal) if types else goal
 
     def _situation(self, state: State, goal: Condition) -> int:
-        """Where preparing a goal leads; what a plan leaves otherwise is taken for what it leaves from the present state."""
+        """Where preparing a goal leads; what a plan leaves otherwise is taken for what it
+        leaves from the present state.
+        """
         for reached in (self._after(state, goal), self._after(self.states[0], goal)):
             if reached in self.states:
                 return self.states.index(reached)
@@ -119,7 +131,9 @@ def state_after(problem: Problem, state: State, plan: Plan) -> State:
     return state
 
 
-def _infer_types(term: Term, expected: Sequence[str], domain: Domain, types: dict[Variable, str]) -> None:
+def _infer_types(
+    term: Term, expected: Sequence[str], domain: Domain, types: dict[Variable, str]
+) -> None:
     """Types of the variables in a term's arguments, from signatures; the narrower one counts."""
     if not isinstance(term, Function):
         return
@@ -138,7 +152,8 @@ NO_CAUSES: Causes = ()
 
 @dataclass
 class CaseBeliefs:
-    """The states of a cell under each hypothesis. `before` is the state in which the interrupted step began.
+    """The states of a cell under each hypothesis. `before` is the state in which the interrupted
+    step began.
 
     `deeds` are the steps that were taken for tests and repairs; a repair that helped comes last.
     """
@@ -162,12 +177,14 @@ class CaseBeliefs:
     def common(self, hypotheses: Iterable[CaseHypothesis]) -> WorldState:
         """What is sure if one of some hypotheses is true."""
         states = [
-            self.state(causes) for causes in dict.fromkeys(hypothesis.causes for hypothesis in hypotheses)
+            self.state(causes)
+            for causes in dict.fromkeys(hypothesis.causes for hypothesis in hypotheses)
         ]
         return reduce(WorldState.common, states) if states else self.state(NO_CAUSES)
 
     def prepare(self, session: CaseSession, action: str) -> PreparationSteps | None:
-        """The steps that bring about what an action needs, whatever the cause is; else if it is the most probable one.
+        """The steps that bring about what an action needs, whatever the cause is; else if it is the
+        most probable one.
 
         None if there is no plan for it that the causes leave to be taken.
         """
@@ -183,16 +200,24 @@ class CaseBeliefs:
         """The preparations that take no step which fails under one of some hypotheses."""
         causes = tuple(dict.fromkeys(cause for hypothesis in among for cause in hypothesis.causes))
         lost = tuple(sorted({str(term) for cause in causes for term in self.cell.lost(cause)}))
-        blocked = tuple(dict.fromkeys(step for cause in causes for step in self.cell.blocked(cause)))
+        blocked = tuple(
+            dict.fromkeys(step for cause in causes for step in self.cell.blocked(cause))
+        )
         if not lost and not blocked:
             return self.preparations
         if (lost, blocked) not in self._without:
             problem = forbid_steps(self.preparations.problem, lost, blocked)
-            self._without[lost, blocked] = replace(self.preparations, problem=problem, plans={}, states=[])
+            self._without[lost, blocked] = replace(
+                self.preparations, problem=problem, plans={}, states=[]
+            )
         return self._without[lost, blocked]
 
-    def repaired(self, session: CaseSession, repair: str) -> "tuple[CaseBeliefs, PreparationSteps] | None":
-        """What would be believed after a repair that helps, and the steps that prepare it; None if it cannot be prepared."""
+    def repaired(
+        self, session: CaseSession, repair: str
+    ) -> "tuple[CaseBeliefs, PreparationSteps] | None":
+        """What would be believed after a repair that helps, and the steps that prepare it; None
+        if it cannot be prepared.
+        """
         prepared = self.prepare(session, repair)
         if prepared is None:
             return None
@@ -201,7 +226,9 @@ class CaseBeliefs:
         return later, prepared
 
     def carried_out(self, action: str, outcome: str, prepared: PreparationSteps) -> None:
-        """Take in the steps that prepared an action, the step that did it, and the repair if it helped."""
+        """Take in the steps that prepared an action, the step that did it, and the repair if it
+        helped.
+        """
         self.deeds += [step.operator for step in prepared.steps]
         done = self._action(action)
         step = self.cell.carried_out_by(done)

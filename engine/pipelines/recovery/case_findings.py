@@ -27,7 +27,11 @@ class CaseFindings:
     @property
     def causes(self) -> Causes:
         """The causes that were found; none if several sets are possible."""
-        return self.made.hypotheses[0][0].causes if self.made.isolated and self.made.hypotheses else NO_CAUSES
+        return (
+            self.made.hypotheses[0][0].causes
+            if self.made.isolated and self.made.hypotheses
+            else NO_CAUSES
+        )
 
     @property
     def believed(self) -> WorldState:
@@ -42,7 +46,8 @@ class CaseFindings:
         return tuple(dict.fromkeys(cause for h, _ in self.made.hypotheses for cause in h.causes))
 
     def applied(self, said: Revision) -> Revision:
-        """What a revision comes to in this world: what holds now and did not, and the other way round.
+        """What a revision comes to in this world: what holds now and did not, and the other way
+        round.
 
         What it says of facts that never held, or that a repair has made as they were, is left out.
         """
@@ -72,7 +77,8 @@ class CaseFindings:
         return tuple(
             (
                 atom,
-                f"{name_with_meaning(cause, model.causes[cause].say)}; step {work.id} made it before that was noticed",
+                f"{name_with_meaning(cause, model.causes[cause].say)}; step {work.id} made it "
+                "before that was noticed",
             )
             for cause in self.causes
             for work in cell.spoilt(cause)[0]
@@ -107,7 +113,9 @@ class CaseFindings:
         for hypothesis, _ in self.made.hypotheses:
             state = self.beliefs.state(hypothesis.causes)
             for believed in self.beliefs.state(NO_CAUSES).facts - state.facts:
-                unsure.setdefault(believed, f"not sure: it does not hold if the cause is {hypothesis}")
+                unsure.setdefault(
+                    believed, f"not sure: it does not hold if the cause is {hypothesis}"
+                )
         return tuple((atom, unsure[atom]) for atom in sort_naturally(set(unsure) - now))
 
     def _lost(self) -> tuple[str, ...]:
@@ -126,7 +134,9 @@ class CaseFindings:
         )
 
     def _still_there(self, cause: str) -> str:
-        """That a cause is there still, and what would put it right: a repair that was not tried in vain."""
+        """That a cause is there still, and what would put it right: a repair that was not tried
+        in vain.
+        """
         model = self.beliefs.cell.model
         certain = len(self.made.hypotheses) <= 1
         reasons = (
@@ -134,20 +144,29 @@ class CaseFindings:
             if certain
             else f"{cause} may be there still"
         )
-        repair = next((cure for cure in self.made.repairs if cause in model.repairs[cure].cures), None)
-        return f"{reasons}; {repair} may put it right" if repair else f"{reasons}; nobody has put it right"
+        repair = next(
+            (cure for cure in self.made.repairs if cause in model.repairs[cure].cures), None
+        )
+        return (
+            f"{reasons}; {repair} may put it right"
+            if repair
+            else f"{reasons}; nobody has put it right"
+        )
 
 
 def first_repair(
     beliefs: CaseBeliefs, session: CaseSession, made: CaseDiagnosis
 ) -> tuple[RepairFirst, CaseBeliefs, CaseDiagnosis] | None:
-    """The repair with which a recovery begins, what is believed after it, and the case as it stands then.
+    """The repair with which a recovery begins, what is believed after it, and the case as it stands
+    then.
 
-    None where the trouble is gone, where the cause is not known or hinders nothing, and where no repair is sure to help
-    without anybody's help.
+    None where the trouble is gone, where the cause is not known or hinders nothing, and where no
+    repair is sure to help without anybody's help.
     """
     model, findings = beliefs.cell.model, CaseFindings(beliefs, made)
-    hindered = any(beliefs.cell.blocked(cause) or beliefs.cell.lost(cause) for cause in findings.suspects)
+    hindered = any(
+        beliefs.cell.blocked(cause) or beliefs.cell.lost(cause) for cause in findings.suspects
+    )
     if not made.isolated or not hindered:
         return None
     for name in made.repairs:

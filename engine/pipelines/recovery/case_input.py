@@ -34,7 +34,8 @@ STEP_OPTION = Source("--step")
 
 @dataclass(frozen=True, slots=True)
 class FailedPlan:
-    """The plan that failed, as texts: its file, the step that was interrupted, and the steps done (`1..4, 7`).
+    """The plan that failed, as texts: its file, the step that was interrupted, and the steps done
+    (`1..4, 7`).
 
     If `done` is empty, the steps listed before the interrupted step are done.
     """
@@ -46,7 +47,9 @@ class FailedPlan:
 
 @dataclass(frozen=True, slots=True)
 class ObservedFacts:
-    """What was observed of the world when the exception was noticed, as it is given: facts that hold, and facts that do not."""
+    """What was observed of the world when the exception was noticed, as it is given: facts that
+    hold, and facts that do not.
+    """
 
     holds: str = ""
     gone: str = ""
@@ -54,11 +57,12 @@ class ObservedFacts:
 
 @dataclass(frozen=True, slots=True)
 class ExceptionMoment:
-    """When an exception was noticed: the problem, the steps done, and the state in which the interrupted step began.
+    """When an exception was noticed: the problem, the steps done, and the state in which the
+    interrupted step began.
 
-    `rest` is what was left of the problem then, and `left` are the steps that were left of the plan, if one had been made.
-    `assumed` are facts that the step needs though nothing said that they held; `follows` is what follows from the facts that
-    were observed.
+    `rest` is what was left of the problem then, and `left` are the steps that were left of the
+    plan, if one had been made. `assumed` are facts that the step needs though nothing said that
+    they held; `follows` is what follows from the facts that were observed.
     """
 
     problem: Problem
@@ -71,13 +75,18 @@ class ExceptionMoment:
 
 
 def loaded_moment(
-    loaded: Loaded, step: Function | None, failed: FailedPlan | None, seen: ObservedFacts = ObservedFacts()
+    loaded: Loaded,
+    step: Function | None,
+    failed: FailedPlan | None,
+    seen: ObservedFacts = ObservedFacts(),
 ) -> ExceptionMoment | None:
     """The moment of an exception; None for a domain alone. Raises `InvalidInput`."""
     if failed is None:
         if loaded.problem is None and seen != ObservedFacts():
             hint = "give a problem as the target"
-            raise InvalidInput([Diagnostic(Source("--holds"), "K404", "a domain has no state", hint)])
+            raise InvalidInput(
+                [Diagnostic(Source("--holds"), "K404", "a domain has no state", hint)]
+            )
         return exception_moment(loaded.problem, step, seen=seen) if loaded.problem else None
     problem, plan = checked_plan.plan_in(failed.file)
     where = Source(str(failed.file))
@@ -101,7 +110,10 @@ def exception_moment(
     done: Sequence[StepId] = (),
     seen: ObservedFacts = ObservedFacts(),
 ) -> ExceptionMoment:
-    """The moment when a step was interrupted, after the steps of a plan that are done. Raises `InvalidInput`."""
+    """The moment when a step was interrupted, after the steps of a plan that are done.
+
+    Raises `InvalidInput`.
+    """
     dynamics = Dynamics(problem)
     if step is not None and isinstance(why := dynamics.semantics.binding(step), str):
         raise InvalidInput([Diagnostic(STEP_OPTION, "K906", f"there is no step {step}: {why}", "")])
@@ -113,7 +125,9 @@ def exception_moment(
     facts = frozenset(correct_state(dynamics, expected.facts, holds, gone))
     state = replace(expected, facts=facts)
     before = dynamics.presupposed(step, state) if step is not None else state
-    assumed = tuple((atom, f"{step} was under way") for atom in sort_naturally(before.facts - facts))
+    assumed = tuple(
+        (atom, f"{step} was under way") for atom in sort_naturally(before.facts - facts)
+    )
     rest = remaining_problem(problem, before.reached, before.facts)
     follows = following_facts(expected.facts, facts, (*holds, *gone))
     rest_plan = left_over(plan, done) if plan else None
@@ -121,7 +135,8 @@ def exception_moment(
 
 
 def number_steps(failed: FailedPlan) -> tuple[FailedPlan, str]:
-    """The step that is named by its number in the plan, as it is written there, and the steps before it as done unless they are given.
+    """The step that is named by its number in the plan, as it is written there, and the steps
+    before it as done unless they are given.
 
     Raises `InvalidInput`.
     """
@@ -129,7 +144,9 @@ def number_steps(failed: FailedPlan) -> tuple[FailedPlan, str]:
     ids = [step.id for step in plan.steps]
     if int(failed.step) not in ids:
         hint = f"its steps are {ids[0]} to {ids[-1]}" if ids else "it has no steps"
-        raise InvalidInput([Diagnostic(STEP_OPTION, "K410", f"the plan has no step {failed.step}", hint)])
+        raise InvalidInput(
+            [Diagnostic(STEP_OPTION, "K410", f"the plan has no step {failed.step}", hint)]
+        )
     place = ids.index(StepId(int(failed.step)))
     step = str(plan.steps[place].operator)
     return FailedPlan(failed.file, step, failed.done or ", ".join(map(str, ids[:place]))), step
@@ -147,18 +164,23 @@ def _steps_done(plan: Plan, failed: FailedPlan) -> list[StepId]:
             return [step.id for step in plan.steps[:number]]
     if not failed.step:
         hint = "name a step of the plan with --step, or the steps that are done with --done"
-        raise InvalidInput([Diagnostic(STEP_OPTION, "K410", "which step of the plan was interrupted?", hint)])
+        raise InvalidInput(
+            [Diagnostic(STEP_OPTION, "K410", "which step of the plan was interrupted?", hint)]
+        )
     hint = nearest_hint(step_name, [str(step.operator) for step in plan.steps])
     hint = hint or "name one of its steps, or the steps that are done with --done"
     raise InvalidInput([Diagnostic(STEP_OPTION, "K410", f"the plan has no step {step_name}", hint)])
 
 
 def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | None:
-    """The step that an exception interrupted; None if the text is empty. Raises `InvalidInput` for any other step."""
+    """The step that an exception interrupted; None if the text is empty. Raises `InvalidInput`
+    for any other step.
+    """
     if not text:
         return None
     hint = (
-        f"write it as in a plan: {exception.operator or 'move(arm, table)'}; with --plan, its number will do"
+        f"write it as in a plan: {exception.operator or 'move(arm, table)'}; with --plan, its "
+        "number will do"
     )
     try:
         step = ground_term(text)
@@ -167,17 +189,24 @@ def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | 
     if not isinstance(step, Function):
         raise InvalidInput([Diagnostic(STEP_OPTION, "K107", "this is not a step", hint)])
     pattern = exception.operator
-    if pattern is None or (step.name, len(step.arguments)) != (pattern.name, len(pattern.arguments)):
+    if pattern is None or (step.name, len(step.arguments)) != (
+        pattern.name,
+        len(pattern.arguments),
+    ):
         message = f"{exception.name} does not interrupt {step}"
         raise InvalidInput([Diagnostic(STEP_OPTION, "K906", message, hint)])
     known_objects = {**loaded.domain.objects, **(loaded.problem.objects if loaded.problem else {})}
-    constants = {name for type_entry in loaded.domain.types.values() for name in type_entry.constants}
+    constants = {
+        name for type_entry in loaded.domain.types.values() for name in type_entry.constants
+    }
     if loaded.problem is not None:
         _require_known(step.arguments, {*known_objects, *constants}, [*loaded.domain.functions])
     return step
 
 
-def _require_known(terms: Collection[Term], objects: Collection[str], functions: Collection[str]) -> None:
+def _require_known(
+    terms: Collection[Term], objects: Collection[str], functions: Collection[str]
+) -> None:
     for term in terms:
         if isinstance(term, Function) and term.name not in functions and term.name not in objects:
             raise InvalidInput([unknown_name("object", term.name, sorted(objects), STEP_OPTION)])
@@ -186,7 +215,10 @@ def _require_known(terms: Collection[Term], objects: Collection[str], functions:
 
 
 def scripted_answerer(model: FaultModel, text: str) -> Answerer:
-    """An answer for each test in a list `test=outcome, ...`. The case ends at any other test. Raises `InvalidInput`."""
+    """An answer for each test in a list `test=outcome, ...`.
+
+    The case ends at any other test. Raises `InvalidInput`.
+    """
     known_actions = {**model.tests, **model.repairs}
     outcomes: dict[str, str] = {}
     for part in filter(None, (part_text.strip() for part_text in text.split(","))):
@@ -195,7 +227,9 @@ def scripted_answerer(model: FaultModel, text: str) -> Answerer:
             outcomes[name] = outcome
             continue
         if name not in known_actions:
-            raise InvalidInput([unknown_name("test or repair", name, known_actions, Source("--outcomes"))])
+            raise InvalidInput(
+                [unknown_name("test or repair", name, known_actions, Source("--outcomes"))]
+            )
         possible = model.tests[name].outcomes if name in model.tests else (CURED, NOT_CURED)
         if outcome not in possible:
             raise InvalidInput([unknown_name("outcome", outcome, possible, Source("--outcomes"))])
@@ -204,7 +238,10 @@ def scripted_answerer(model: FaultModel, text: str) -> Answerer:
 
 
 def hidden_hypothesis(model: FaultModel, text: str) -> CaseHypothesis:
-    """The hidden causes of a simulated case, from their names with commas. Raises `InvalidInput`."""
+    """The hidden causes of a simulated case, from their names with commas.
+
+    Raises `InvalidInput`.
+    """
     causes = tuple(cause.strip() for cause in text.split(",") if cause.strip())
     for cause in causes:
         if cause not in model.causes:
@@ -213,10 +250,15 @@ def hidden_hypothesis(model: FaultModel, text: str) -> CaseHypothesis:
 
 
 def import_counts(model: FaultModel, path: Path) -> list[ClosedCase]:
-    """The counts in a JSON file {exception: {cause: count}}, as weighted closed cases. Raises `InvalidInput`."""
+    """The counts in a JSON file {exception: {cause: count}}, as weighted closed cases.
+
+    Raises `InvalidInput`.
+    """
     try:
         content = parse_json(read_file(path).text)
-        pairs = [(e, c, read_decimal(str(n))) for e, causes in content.items() for c, n in causes.items()]
+        pairs = [
+            (e, c, read_decimal(str(n))) for e, causes in content.items() for c, n in causes.items()
+        ]
     except NumberError as error:
         raise InvalidInput(
             [Diagnostic(Source(str(path)), "K413", f"a count {error}", "count cases")]
@@ -228,7 +270,9 @@ def import_counts(model: FaultModel, path: Path) -> list[ClosedCase]:
         ) from None
     for exception, cause, _ in pairs:
         if exception not in model.exceptions:
-            raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source(str(path)))])
+            raise InvalidInput(
+                [unknown_name("exception", exception, model.exceptions, Source(str(path)))]
+            )
         if cause not in model.exceptions[exception].counts:
             known_counts = model.exceptions[exception].counts
             raise InvalidInput([unknown_name("cause", cause, known_counts, Source(str(path)))])

@@ -1,7 +1,7 @@
 """Case of diagnosis: fault base, tests priced by plans, and how work goes on afterwards.
 
-The exception handler asks two kinds of questions: "what does it take to do this test now?" and "how does the work go on?".
-Here the planner answers them.
+The exception handler asks two kinds of questions: "what does it take to do this test now?" and "how
+does the work go on?". Here the planner answers them.
 """
 
 from collections.abc import Mapping
@@ -29,7 +29,11 @@ from cellwright.engine.pipelines.recovery.case_input import (
     read_step,
 )
 from cellwright.engine.pipelines.recovery.remaining_problem import remaining_problem
-from cellwright.engine.pipelines.recovery.replanning import RecoveryResult, recover_goals, with_kept_sequence
+from cellwright.engine.pipelines.recovery.replanning import (
+    RecoveryResult,
+    recover_goals,
+    with_kept_sequence,
+)
 from cellwright.engine.stages.diagnosis.belief_revision import (
     Binding,
     assertion_certainties,
@@ -64,9 +68,11 @@ __all__ = [
 
 @dataclass
 class DiagnosisCase:
-    """One case with everything around it: the fault base, the problem it happened in, and what the step binds.
+    """One case with everything around it: the fault base, the problem it happened in, and what the
+    step binds.
 
-    `moment` is when the exception was noticed, and `beliefs` what the world is believed to be since; None without a problem.
+    `moment` is when the exception was noticed, and `beliefs` what the world is believed to be
+    since; None without a problem.
     """
 
     model: FaultModel
@@ -82,7 +88,9 @@ class DiagnosisCase:
         return action_model.say if action_model else ""
 
     def certainties(self, diagnosis: CaseDiagnosis) -> dict[Atom, float]:
-        """How certain the assertions are that some cause puts in doubt, among those that the step began with."""
+        """How certain the assertions are that some cause puts in doubt, among those that the
+        step began with.
+        """
         certainty_of = assertion_certainties(self.model, diagnosis.hypotheses, self.binding)
         known_atoms = self._known()
         return {atom: value for atom, value in certainty_of.items() if atom in known_atoms}
@@ -92,21 +100,29 @@ class DiagnosisCase:
         if self.beliefs is not None:
             return self._revised(self.beliefs, diagnosis)
         repaired = diagnosis.cured if diagnosis.cured in self.model.repairs else None
-        reasoned, known_atoms = world_revision(self.model, diagnosis, self.binding, repaired), self._known()
+        reasoned, known_atoms = (
+            world_revision(self.model, diagnosis, self.binding, repaired),
+            self._known(),
+        )
         return replace(
-            reasoned, restored=tuple((atom, why) for atom, why in reasoned.restored if atom in known_atoms)
+            reasoned,
+            restored=tuple((atom, why) for atom, why in reasoned.restored if atom in known_atoms),
         )
 
     def recover(
         self, made: CaseDiagnosis, store: str = "", limits: SearchLimits = SearchLimits()
     ) -> RecoveryResult:
-        """Plan on; a kept sequence of the problem is told what was lost. Raises `InvalidInput` without a problem.
+        """Plan on; a kept sequence of the problem is told what was lost. Raises `InvalidInput`
+        without a problem.
 
-        Where a cause is there still that hinders the plan, a sure repair that needs nobody comes first, if there is one.
+        Where a cause is there still that hinders the plan, a sure repair that needs nobody comes
+        first, if there is one.
         """
         if self.moment is None or self.beliefs is None:
             hint = "give a problem as the target: its goals are planned for"
-            raise InvalidInput([Diagnostic(Source("--recover"), "K404", "a domain has no goals", hint)])
+            raise InvalidInput(
+                [Diagnostic(Source("--recover"), "K404", "a domain has no goals", hint)]
+            )
         limits = replace(limits, interrupted=self.session.interrupted)
         repaired = first_repair(self.beliefs, self.session, made)
         first, beliefs, ended = repaired or (None, self.beliefs, made)
@@ -124,19 +140,25 @@ class DiagnosisCase:
         applied = CaseFindings(beliefs, made).applied(reasoned)
         if self.moment is None:
             return applied
-        return replace(applied, assumed=self.moment.assumed, follows=(*self.moment.follows, *applied.follows))
+        return replace(
+            applied, assumed=self.moment.assumed, follows=(*self.moment.follows, *applied.follows)
+        )
 
     def _known(self) -> frozenset[Atom]:
         """What held when the interrupted step began."""
         if self.moment is not None:
             return self.moment.before.facts
-        return frozenset(presupposed_facts(self.domain, self.model, self.session.exception, self.binding))
+        return frozenset(
+            presupposed_facts(self.domain, self.model, self.session.exception, self.binding)
+        )
 
     def keep(self, made: CaseDiagnosis, store: str) -> None:
         """Store the case as closed if its cause is known."""
         causes = made.hypotheses[0][0].causes if made.isolated and made.hypotheses else ()
         if causes:
-            seen = tuple((observation.action, observation.outcome) for observation in made.observations)
+            seen = tuple(
+                (observation.action, observation.outcome) for observation in made.observations
+            )
             with Cases(store) as cases:
                 cases.add([ClosedCase(self.model.domain, made.exception, causes, made.cost, seen)])
 
@@ -154,13 +176,15 @@ def open_diagnosis_case(
 ) -> DiagnosisCase:
     """Open a case. Raises `InvalidInput`.
 
-    With the plan that failed, set-up and recovery begin where it was interrupted, and `step` may be a number of the plan.
-    `seen` corrects the state then.
+    With the plan that failed, set-up and recovery begin where it was interrupted, and `step` may be
+    a number of the plan. `seen` corrects the state then.
     """
     loaded = checked_plan.load_target(find_target(target))
     model, _ = load_faults(Path(loaded.domain.path))
     if exception not in model.exceptions:
-        raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
+        raise InvalidInput(
+            [unknown_name("exception", exception, model.exceptions, Source("--exception"))]
+        )
     if wrong := list(too_many_causes(model.exceptions[exception])):
         raise InvalidInput(wrong)
     if failed is not None and step.isdecimal():
@@ -171,13 +195,17 @@ def open_diagnosis_case(
     if store:
         with Cases(store) as cases:
             counted = cause_counts(counted, cases.history(model.domain, exception))
-    case = CaseSettings(model, exception, taken, CaseObjective(objective), counted, expansions, interrupted)
+    case = CaseSettings(
+        model, exception, taken, CaseObjective(objective), counted, expansions, interrupted
+    )
     return case_from_settings(case, loaded.domain, moment)
 
 
 @dataclass(frozen=True, slots=True)
 class CaseSettings:
-    """A case as it is opened: what happened to which step, and how the search for its cause is limited."""
+    """A case as it is opened: what happened to which step, and how the search for its cause is
+    limited.
+    """
 
     model: FaultModel
     exception: str
@@ -189,7 +217,9 @@ class CaseSettings:
     setup: bool = True  # tests are chosen by what it costs to prepare them, too
 
 
-def case_from_settings(case: CaseSettings, domain: Domain, moment: ExceptionMoment | None) -> DiagnosisCase:
+def case_from_settings(
+    case: CaseSettings, domain: Domain, moment: ExceptionMoment | None
+) -> DiagnosisCase:
     """The desk of a case; with a moment, tests and repairs are carried out in its world."""
     binding = binding_of(case.model, case.exception, case.step)
     beliefs = _initial_beliefs(moment, case, binding) if moment else None
@@ -208,12 +238,16 @@ def case_from_settings(case: CaseSettings, domain: Domain, moment: ExceptionMome
 
 def _initial_beliefs(moment: ExceptionMoment, case: CaseSettings, binding: Binding) -> CaseBeliefs:
     """The beliefs at the beginning. No preparation takes the step that has just failed."""
-    cell = FaultyCell(Dynamics(moment.problem), case.model, case.exception, binding, case.step, moment.done)
+    cell = FaultyCell(
+        Dynamics(moment.problem), case.model, case.exception, binding, case.step, moment.done
+    )
     other_steps = forbid_steps(moment.rest, blocked=[case.step] if case.step else [])
     return CaseBeliefs(
         cell,
         moment.before,
-        Preparations(other_steps, binding, replace(PREPARATION_LIMITS, interrupted=case.interrupted)),
+        Preparations(
+            other_steps, binding, replace(PREPARATION_LIMITS, interrupted=case.interrupted)
+        ),
     )
 
 

@@ -33,7 +33,9 @@ def expected_situation(course: PlanUnderWay, done: Iterable[StepId]) -> Situatio
     """The situation after the steps that are done, provided that each has had its effects."""
     names = set(done)
     facts = course.start.facts
-    for change in changes_of(course.start, [step for step in course.plan.steps if step.id in names]):
+    for change in changes_of(
+        course.start, [step for step in course.plan.steps if step.id in names]
+    ):
         facts = change.applied(facts)
     return Situation(course.start.world, facts)
 
@@ -41,9 +43,11 @@ def expected_situation(course: PlanUnderWay, done: Iterable[StepId]) -> Situatio
 def observed_state(
     course: PlanUnderWay, here: Situation, holds: Sequence[Atom], gone: Sequence[Atom]
 ) -> tuple[Atom, ...]:
-    """The state where some atoms hold and others do not, with everything that follows by deductive operators.
+    """The state where some atoms hold and others do not, with everything that follows by deductive
+    operators.
 
-    Raises `InvalidInput` for atoms that are not of this problem and for those that contradict each other.
+    Raises `InvalidInput` for atoms that are not of this problem and for those that contradict each
+    other.
     """
     return correct_state(Dynamics(course.problem), here.state, holds, gone)
 
@@ -66,7 +70,9 @@ def correct_state(
 def following_facts(
     before: Iterable[Atom], now: Iterable[Atom], said: Collection[Atom]
 ) -> tuple[tuple[Atom, bool], ...]:
-    """The facts that nobody named and that changed nevertheless: those that hold now (True) and those that no longer do."""
+    """The facts that nobody named and that changed nevertheless: those that hold now (True) and
+    those that no longer do.
+    """
     old, new, named = set(before), set(now), set(said)
     holds, gone = sort_naturally(new - old - named), sort_naturally(old - new - named)
     return (*((atom, True) for atom in holds), *((atom, False) for atom in gone))
@@ -109,7 +115,10 @@ def read_facts(text: str, domain: Domain, option: str) -> list[Atom]:
         facts = ground_term(f"facts({text})")
     except AspError as error:
         raise _observation_error(
-            option, "K107", f"'{text}' is not a list of facts: {error}", "write at(arm, table), free(arm)"
+            option,
+            "K107",
+            f"'{text}' is not a list of facts: {error}",
+            "write at(arm, table), free(arm)",
         ) from None
     assert isinstance(facts, Function)
     return [_fluent_of(argument, domain, option) for argument in facts.arguments]
@@ -137,7 +146,10 @@ def read_steps(text: str, known: Iterable[StepId]) -> list[StepId]:
         first, _, last = part.partition("..")
         if not is_count(first) or not is_count(last or first):
             raise _observation_error(
-                "--done", "K107", f"'{part}' is not a step number", "write numbers and ranges: 1..4, 7"
+                "--done",
+                "K107",
+                f"'{part}' is not a step number",
+                "write numbers and ranges: 1..4, 7",
             )
         numbers = range(int(first), int(last or first) + 1)
         if not numbers:
@@ -153,13 +165,19 @@ def read_steps(text: str, known: Iterable[StepId]) -> list[StepId]:
 
 
 def read_done(text: str, plan: Plan) -> list[StepId]:
-    """The steps of a plan that are done, each with everything that must come before it. Raises `InvalidInput`."""
+    """The steps of a plan that are done, each with everything that must come before it.
+
+    Raises `InvalidInput`.
+    """
     done = read_steps(text, [step.id for step in plan.steps])
     before = plan.predecessors()
     for step in done:
         if missing := before[step] - set(done):
             needed = ", ".join(map(str, sorted(missing)))
-            reason = f"step {step} cannot be done before {'step' if len(missing) == 1 else 'steps'} {needed}"
+            reason = (
+                f"step {step} cannot be done before {'step' if len(missing) == 1 else 'steps'} "
+                f"{needed}"
+            )
             raise _observation_error("--done", "K411", reason, "name every step that is done")
     return done
 
@@ -181,25 +199,41 @@ def revised_now(
     both: bool = False,
     sequencer: Sequencer = no_sequence,
 ) -> tuple[PlanRevision, tuple[tuple[Atom, bool], ...]]:
-    """The revised plan, and the facts that follow from what is said; see `revise`. Raises `InvalidInput`."""
+    """The revised plan, and the facts that follow from what is said; see `revise`.
+
+    Raises `InvalidInput`.
+    """
     done, holds, gone, lost = said
     steps = read_done(done, plan)
-    present, absent = read_facts(holds, problem.domain, "--holds"), read_facts(gone, problem.domain, "--gone")
+    present, absent = (
+        read_facts(holds, problem.domain, "--holds"),
+        read_facts(gone, problem.domain, "--gone"),
+    )
     losses = _lost_resources(lost, problem)
     rest, rest_plan = rest_after_steps(problem, plan, steps)
     under_way = PlanUnderWay.of(forbid_steps(rest, losses), rest_plan)
     state = observed_state(under_way, expected_situation(under_way, ()), present, absent)
-    withdrawn = tuple((atom, "it is observed to be gone") for atom in absent if atom in rest.initial)
+    withdrawn = tuple(
+        (atom, "it is observed to be gone") for atom in absent if atom in rest.initial
+    )
     follows = following_facts(rest.initial, state, (*present, *absent))
-    changes = KnownChanges(Dynamics(rest), Believed(withdrawn=withdrawn, lost=losses, follows=follows))
+    changes = KnownChanges(
+        Dynamics(rest), Believed(withdrawn=withdrawn, lost=losses, follows=follows)
+    )
     revised = revise_plan(under_way, (), state, limits, both, changes.obstacles(state), sequencer)
     return revised, follows
 
 
 def _lost_resources(text: str, problem: Problem) -> tuple[str, ...]:
-    """Names of objects or of resources, or terms such as `slot(freezer, 1)`. Raises `InvalidInput`."""
+    """Names of objects or of resources, or terms such as `slot(freezer, 1)`.
+
+    Raises `InvalidInput`.
+    """
     resources = {
-        str(resource) for o in problem.domain.operators for resource in o.resources if is_ground(resource)
+        str(resource)
+        for o in problem.domain.operators
+        for resource in o.resources
+        if is_ground(resource)
     }
     known_names = {*problem.domain.objects, *problem.objects, *resources}
     try:
@@ -220,7 +254,9 @@ def _lost_resources(text: str, problem: Problem) -> tuple[str, ...]:
     return tuple(map(str, terms))
 
 
-def _unknown_names(terms: Iterable[Term], problem: Problem, known: Collection[str]) -> Iterator[str]:
+def _unknown_names(
+    terms: Iterable[Term], problem: Problem, known: Collection[str]
+) -> Iterator[str]:
     """The names in some terms that nothing of the problem has."""
     for term in terms:
         if isinstance(term, Function) and term.arguments and term.name in problem.domain.functions:

@@ -22,7 +22,11 @@ from cellwright.engine.model.workflow_replay import (
 )
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.pipelines.planning.checked_plan import task_for
-from cellwright.engine.pipelines.planning.goal_selection import Obstacles, RelinquishedGoal, select_goals
+from cellwright.engine.pipelines.planning.goal_selection import (
+    Obstacles,
+    RelinquishedGoal,
+    select_goals,
+)
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.recovery.remaining_problem import remaining_problem, stages_reached
 from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
@@ -39,7 +43,9 @@ from cellwright.kb.terms import Atom, Function, Number, Text
 
 @dataclass(frozen=True)
 class PlanUnderWay:
-    """A problem, the plan that is being executed, the ground task, the start situation, and the gate for repairs."""
+    """A problem, the plan that is being executed, the ground task, the start situation, and the
+    gate for repairs.
+    """
 
     problem: Problem
     plan: Plan
@@ -49,7 +55,10 @@ class PlanUnderWay:
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan) -> "PlanUnderWay":
-        """Ground the problem once, so that revisions need not ground it again. Raises `InvalidInput`."""
+        """Ground the problem once, so that revisions need not ground it again.
+
+        Raises `InvalidInput`.
+        """
         gate = PlanGate()
         start = Situation.of(CellDomain(problem), gate.semantics(problem).initial())
         return cls(problem, plan, task_for(problem, plan), start, gate)
@@ -65,8 +74,8 @@ class PlanUnderWay:
         return operators_by_instance(self.task)
 
     def bits(self, observed: Iterable[Atom], reached: Mapping[str, int]) -> Bits:
-        """A state of the task: what is observed, the stages reached and those that hold now, complements; atoms it does not
-        know are left out."""
+        """A state of the task: what is observed, the stages reached and those that hold now,
+        complements; atoms it does not know are left out."""
         mask = 0
         for atom in observed:
             mask |= 1 << self.index[atom] if atom in self.index else self._value(atom)
@@ -80,7 +89,11 @@ class PlanUnderWay:
                 assert isinstance(inner, Function)
                 if not mask >> self.index[inner] & 1:
                     mask |= 1 << number
-            elif atom.name.startswith("_") and atom.name != STAGE_FLUENT and self.task.initial >> number & 1:
+            elif (
+                atom.name.startswith("_")
+                and atom.name != STAGE_FLUENT
+                and self.task.initial >> number & 1
+            ):
                 mask |= 1 << number
         return settle_stages(self.task, mask)
 
@@ -89,7 +102,9 @@ class PlanUnderWay:
         """The quantities of the task by their names."""
         changes = [change for operator in self.task.operators for change in operator.changes]
         sums = [change.to for change in changes] + [comparison.sum for comparison in self._compared]
-        levels = [change.level for change in changes] + [level for parts in sums for level, _ in parts.parts]
+        levels = [change.level for change in changes] + [
+            level for parts in sums for level, _ in parts.parts
+        ]
         return {level.quantity: level for level in levels}
 
     @property
@@ -97,19 +112,23 @@ class PlanUnderWay:
         return self.task.axioms.tests if self.task.axioms is not None else ()
 
     def _value(self, atom: Atom) -> Bits:
-        """The atom for a value of a quantity, which no search has met yet; nothing for other atoms."""
+        """The atom for a value of a quantity, which no search has met yet; nothing for other
+        atoms.
+        """
         level = self._levels.get(Function(atom.name, atom.arguments[:-1]))
         if level is None or not isinstance(last := atom.arguments[-1], Number):
             return 0
         return level.bit(last.value)
 
     def executed(self, state: Bits, steps: Iterable[Function]) -> list[GroundOperator] | None:
-        """The ground operators of instances taken one after another from a state, with the internal ones that reach stages
-        between them; None if an instance cannot be taken."""
+        """The ground operators of instances taken one after another from a state, with the internal
+        ones that reach stages between them; None if an instance cannot be taken."""
         return replay_instances(self.task, self.instances, state, steps)
 
     def kernels(self, steps: Sequence[GroundOperator], goals: Bits) -> list[Bits]:
-        """For each position, the atoms that the steps from there on need to reach the goals; the last are the goals."""
+        """For each position, the atoms that the steps from there on need to reach the goals;
+        the last are the goals.
+        """
         conditions = [goals]
         for operator in reversed(steps):
             conditions.append((conditions[-1] & ~operator.adds) | operator.preconditions)
@@ -125,20 +144,26 @@ class PlanUnderWay:
 
 
 Sequencer = Callable[[Problem, SearchLimits], Outcome | None]
-"""The answer for a problem whose acts the domain puts in order, as an inspection's measurements; None for any other."""
+"""The answer for a problem whose acts the domain puts in order, as an inspection's
+measurements; None for any other.
+"""
 
 MAX_GAP_TAILS = 3  # the most tails to which a gap is planned
-MAX_REPLANNED_OPERATORS = 500  # operators of a task that is planned anew in any case, to see whether that is cheaper than to lead back to the plan
-REPAIR_SLACK = 5  # a repair may cost so much more than the steps left, or a quarter more if that is more
+# operators of a task that is planned anew in any case, to see whether that is cheaper than to lead
+# back to the plan
+MAX_REPLANNED_OPERATORS = 500
+# a repair may cost so much more than the steps left, or a quarter more if that is more
+REPAIR_SLACK = 5
 
 
 @dataclass(frozen=True, slots=True)
 class PlanRevision:
     """How the plan goes on. `way`: done, continued, repaired or replanned.
 
-    `problem` is what was left to do, `outcome` the answer for it. `kept`, `dropped` and `added` compare steps with those
-    that were left of the old plan. Costs are None where a way was not tried or led nowhere. `given_up` are the goals that
-    cannot be reached any more; the answer is for the others.
+    `problem` is what was left to do, `outcome` the answer for it. `kept`, `dropped` and `added`
+    compare steps with those that were left of the old plan. Costs are None where a way was not
+    tried or led nowhere. `given_up` are the goals that cannot be reached any more; the answer is
+    for the others.
     """
 
     problem: Problem
@@ -166,15 +191,19 @@ def revise_plan(
     obstacles: Obstacles | None = None,
     sequencer: Sequencer = no_sequence,
 ) -> PlanRevision:
-    """A plan for what is left, after the steps `done`, from the state `observed`; else for the goals that can be reached.
+    """A plan for what is left, after the steps `done`, from the state `observed`; else for the
+    goals that can be reached.
 
-    `both` compares repair with replanning in any case. `obstacles` are possible reasons for goals that are given up. Where
-    the steps left do not reach all goals that are open, the `sequencer` says anew in which order: steps put in front of them
-    could cost little, and go to and fro. Raises `InvalidInput`.
+    `both` compares repair with replanning in any case. `obstacles` are possible reasons for goals
+    that are given up. Where the steps left do not reach all goals that are open, the `sequencer`
+    says anew in which order: steps put in front of them could cost little, and go to and fro.
+    Raises `InvalidInput`.
     """
     finished = [step for step in course.plan.steps if step.id in set(done)]
     rest_steps = [step for step in course.plan.steps if step.id not in set(done)]
-    reached = stages_reached(course.problem.chains, course.start, changes_of(course.start, finished))
+    reached = stages_reached(
+        course.problem.chains, course.start, changes_of(course.start, finished)
+    )
     problem = remaining_problem(course.problem, reached, observed)
     repair = _PlanRepair(course, problem, reached, rest_steps, limits)
     revised, way_on = repair.continued()
@@ -195,7 +224,9 @@ def revise_plan(
 
 
 def _plan_anew(problem: Problem, limits: SearchLimits, sequencer: Sequencer) -> Outcome:
-    """The answer for all goals; that nothing is known if the state lacks what planning needs and a repair does not."""
+    """The answer for all goals; that nothing is known if the state lacks what planning needs
+    and a repair does not.
+    """
     try:
         return sequencer(problem, limits) or checked_plan.plan_problem(problem, limits)
     except InvalidInput as error:
@@ -209,7 +240,9 @@ def planned_anew(
     obstacles: Obstacles | None = None,
     sequencer: Sequencer = no_sequence,
 ) -> PlanRevision:
-    """A new plan for the goals of a problem that can be reached, compared with the steps that were left of an old one."""
+    """A new plan for the goals of a problem that can be reached, compared with the steps that
+    were left of an old one.
+    """
     attained = select_goals(
         problem,
         obstacles,
@@ -242,7 +275,9 @@ def _revision_of(
     return PlanRevision(problem, outcome, way, kept_steps, dropped, added, repair, replanning)
 
 
-def _common_steps(steps: Sequence[Step], others: Sequence[Step]) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
+def _common_steps(
+    steps: Sequence[Step], others: Sequence[Step]
+) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
     """The steps that occur among the others, each matched once, and the steps that do not."""
     free = Counter(step.operator for step in others)
     shared, own = [], []
@@ -264,13 +299,17 @@ class _PlanRepair:
     limits: SearchLimits
 
     def continued(self) -> tuple[Plan | None, str]:
-        """The plan that goes on as it was, or has nothing more to do, and which of both; None if that is no plan."""
+        """The plan that goes on as it was, or has nothing more to do, and which of both; None
+        if that is no plan.
+        """
         if self.course.reached_goals(self._here) is not None and self._passed(Plan(())) is not None:
             return Plan(()), "done"
         if self._tail is None:
             return None, "repaired"
         goals, steps = self._tail
-        whole = next((n for n in range(len(steps), -1, -1) if not self._kernels[n] & ~self._here), None)
+        whole = next(
+            (n for n in range(len(steps), -1, -1) if not self._kernels[n] & ~self._here), None
+        )
         whole_tail = None if whole is None else self._made(steps[whole:], goals)
         return whole_tail, "repaired" if whole is None else "continued"
 
@@ -284,7 +323,9 @@ class _PlanRepair:
 
     @cached_property
     def _kernels(self) -> Sequence[Bits]:
-        """What must hold before each tail of the steps that were left, so that it reaches the goals."""
+        """What must hold before each tail of the steps that were left, so that it reaches the
+        goals.
+        """
         if self._tail is None:
             return ()
         goals, steps = self._tail
@@ -292,7 +333,9 @@ class _PlanRepair:
 
     @cached_property
     def _tail(self) -> tuple[Bits, list[GroundOperator]] | None:
-        """The goals that the plan was to reach, and the steps that were left, as ground operators; None if they fail."""
+        """The goals that the plan was to reach, and the steps that were left, as ground
+        operators; None if they fail.
+        """
         finished = [step for step in self.course.plan.steps if step not in self.left]
         state, operators = self.course.task.initial, list[GroundOperator]()
         for steps in (finished, self.left):
@@ -309,8 +352,9 @@ class _PlanRepair:
     def over_a_gap(self) -> Plan | None:
         """A plan that leads to the kernel of a tail, followed by that tail.
 
-        Tails come first whose kernels miss few atoms and which cost little. The first affordable plan is taken, else the
-        cheapest of a few. None as well if a tail holds as it is, so that there is no gap.
+        Tails come first whose kernels miss few atoms and which cost little. The first affordable
+        plan is taken, else the cheapest of a few. None as well if a tail holds as it is, so that
+        there is no gap.
         """
         if self._tail is None or any(not kernel & ~self._here for kernel in self._kernels):
             return None
@@ -340,18 +384,24 @@ class _PlanRepair:
     def _made(self, steps: Sequence[GroundOperator], goals: Bits) -> Plan | None:
         """A plan of those steps that are needed; None if it does not pass the gate."""
         task = dataclasses.replace(self.course.task, initial=self._here)
-        needed = eliminate_actions(self._here, reach_stages_early(task, plain_steps(task, steps)), goals)
+        needed = eliminate_actions(
+            self._here, reach_stages_early(task, plain_steps(task, steps)), goals
+        )
         deordered = deorder_steps(task, needed, goals)
         shifted = Plan(deordered.steps, tuple(self._shifted(link) for link in deordered.links))
         return self._passed(shifted)
 
     def _passed(self, plan: Plan) -> Plan | None:
-        """The plan as it may be given out; None if the checker refuses it, so that another plan must be found."""
+        """The plan as it may be given out; None if the checker refuses it, so that another plan
+        must be found.
+        """
         settled, wrong = self.course.gate.settled(self.problem, plan)
         return None if wrong else settled
 
     def _shifted(self, link: CausalLink) -> CausalLink:
-        """A causal link; if its condition is a stage, the stages reached already are not counted."""
+        """A causal link; if its condition is a stage, the stages reached already are not
+        counted.
+        """
         condition = link.condition
         if condition.name != STAGE_FLUENT:
             return link

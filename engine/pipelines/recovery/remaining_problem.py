@@ -29,7 +29,9 @@ from cellwright.kb.terms import Atom, is_ground, sort_naturally
 def stages_reached(
     chains: Sequence[Chain], start: Situation, changes: Iterable[StepChange]
 ) -> dict[str, int]:
-    """How many stages of each chain are reached by steps from a situation on, each as soon as possible."""
+    """How many stages of each chain are reached by steps from a situation on, each as soon as
+    possible.
+    """
     facts = start.facts
     reached = initial_progress(chains, stage_holds(facts))
     for change in changes:
@@ -38,7 +40,9 @@ def stages_reached(
     return reached
 
 
-def remaining_problem(problem: Problem, reached: Mapping[str, int], observed: Iterable[Atom]) -> Problem:
+def remaining_problem(
+    problem: Problem, reached: Mapping[str, int], observed: Iterable[Atom]
+) -> Problem:
     """The problem of what is left, from the observed state on.
 
     Chains lose the stages that are reached. What a finished chain must leave behind becomes a goal.
@@ -52,7 +56,9 @@ def remaining_problem(problem: Problem, reached: Mapping[str, int], observed: It
         dataclasses.replace(
             chain,
             stages=chain.stages[reached[chain.name] :],
-            after=() if reached[chain.name] else tuple(name for name in chain.after if name not in done),
+            after=()
+            if reached[chain.name]
+            else tuple(name for name in chain.after if name not in done),
         )
         for chain in problem.chains
         if chain.name not in done
@@ -66,15 +72,21 @@ def remaining_problem(problem: Problem, reached: Mapping[str, int], observed: It
 def left_over(plan: Plan, done: Collection[StepId]) -> Plan:
     """The steps of a plan that are not done."""
     steps = (
-        dataclasses.replace(step, after=tuple(earlier for earlier in step.after if earlier not in done))
+        dataclasses.replace(
+            step, after=tuple(earlier for earlier in step.after if earlier not in done)
+        )
         for step in plan.steps
         if step.id not in done
     )
     return Plan(tuple(steps))
 
 
-def rest_after_steps(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Problem, Plan]:
-    """What is left of a problem after some steps of a plan for it if each did what it should; and the other steps."""
+def rest_after_steps(
+    problem: Problem, plan: Plan, done: Collection[StepId]
+) -> tuple[Problem, Plan]:
+    """What is left of a problem after some steps of a plan for it if each did what it should;
+    and the other steps.
+    """
     state, _ = plan_history(Dynamics(problem), plan, tuple(done))
     return remaining_problem(problem, state.reached, state.facts), left_over(plan, done)
 
@@ -89,7 +101,8 @@ class KnownChanges:
     def state(self) -> State:
         """The initial state of the problem after the revision, with what follows."""
         gone, new = (
-            [atom for atom, _ in changed] for changed in (self.change.withdrawn, self.change.asserted)
+            [atom for atom, _ in changed]
+            for changed in (self.change.withdrawn, self.change.asserted)
         )
         return self.dynamics.changed(WorldState(self.dynamics.semantics.initial()), gone, new).facts
 
@@ -98,7 +111,9 @@ class KnownChanges:
         return self.obstacles(now).without(frozenset())
 
     def obstacles(self, now: tuple[Atom, ...]) -> Obstacles:
-        """Everything that may keep a goal from being reached: losses, steps that are blocked, facts that were withdrawn."""
+        """Everything that may keep a goal from being reached: losses, steps that are blocked,
+        facts that were withdrawn.
+        """
         lost = [(f"{name} is lost", name) for name in self.change.lost]
         blocked = [(why, why) for why in dict.fromkeys(why for _, why in self.change.blocked)]
         facts = [(why, atom) for atom, why in self._gone() if self._is_fact(atom)]
@@ -126,9 +141,14 @@ class KnownChanges:
     def _gone(self) -> tuple[tuple[Atom, str], ...]:
         """The facts that do not hold any more, also by deduction."""
         deduced = (
-            (atom, "it follows from what is known now") for atom, holds in self.change.follows if not holds
+            (atom, "it follows from what is known now")
+            for atom, holds in self.change.follows
+            if not holds
         )
         return (*self.change.withdrawn, *deduced)
 
     def _is_fact(self, atom: Atom) -> bool:
-        return is_ground(atom) and self.dynamics.problem.domain.predicates[atom.name].kind is Kind.FLUENT
+        return (
+            is_ground(atom)
+            and self.dynamics.problem.domain.predicates[atom.name].kind is Kind.FLUENT
+        )

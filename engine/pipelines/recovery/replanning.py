@@ -1,6 +1,7 @@
 """Replanning after a diagnosis: from the revised state to the goals that can still be reached.
 
-The plan that failed is revised before anything is planned anew. A kept sequence is updated by what was lost.
+The plan that failed is revised before anything is planned anew. A kept sequence is updated by what
+was lost.
 """
 
 from collections.abc import Collection
@@ -13,7 +14,11 @@ from cellwright.engine.pipelines.inspection.tour_progress import KeptSequencePro
 from cellwright.engine.pipelines.planning.checked_plan import LARGE_INSTANCES
 from cellwright.engine.pipelines.planning.goal_selection import RelinquishedGoal
 from cellwright.engine.pipelines.recovery import Dynamics, WorldState
-from cellwright.engine.pipelines.recovery.plan_revision import PlanUnderWay, planned_anew, revise_plan
+from cellwright.engine.pipelines.recovery.plan_revision import (
+    PlanUnderWay,
+    planned_anew,
+    revise_plan,
+)
 from cellwright.engine.pipelines.recovery.remaining_problem import KnownChanges, rest_after_steps
 from cellwright.engine.stages.grounding.instance_bounds import bound_instances
 from cellwright.engine.stages.planning import SearchLimits
@@ -43,13 +48,15 @@ class RepairFirst:
 
 @dataclass(frozen=True, slots=True)
 class RecoveryResult:
-    """How the work goes on: the problem from the state as it is now known, and the answer for the original goals.
+    """How the work goes on: the problem from the state as it is now known, and the answer for the
+    original goals.
 
-    `way` is `planned` where no plan had failed, else what became of its remaining steps: done (nothing is left to do),
-    continued, repaired, or replanned where no repair was found or a new plan is cheaper. `given_up` are the goals that
-    cannot be reached any more: the answer is for the others. `repair` comes before everything else. `sequence` is the kept sequence
-    after it was told what was lost. `now` is the state from which the work goes on,
-    with the stages that are reached, and `change` what was found to be different there.
+    `way` is `planned` where no plan had failed, else what became of its remaining steps: done
+    (nothing is left to do), continued, repaired, or replanned where no repair was found or a new
+    plan is cheaper. `given_up` are the goals that cannot be reached any more: the answer is for the
+    others. `repair` comes before everything else. `sequence` is the kept sequence after it was told
+    what was lost. `now` is the state from which the work goes on, with the stages that are reached,
+    and `change` what was found to be different there.
     """
 
     problem: Problem
@@ -73,12 +80,13 @@ def recover_goals(
     believed: State | None = None,
     executable: bool = True,
 ) -> RecoveryResult:
-    """From the revised state to the goals that the failed plan had, or to those that can still be reached.
+    """From the revised state to the goals that the failed plan had, or to those that can still be
+    reached.
 
-    What was lost is not used, and what is blocked is not tried. `left` are the steps that were not done when the plan
-    failed, from the problem's initial state on: they are revised before anything is planned anew, if they are still
-    `executable` there. `believed` is the state now; without it, it is what `change` makes of the initial state. Raises
-    `InvalidInput`.
+    What was lost is not used, and what is blocked is not tried. `left` are the steps that were not
+    done when the plan failed, from the problem's initial state on: they are revised before anything
+    is planned anew, if they are still `executable` there. `believed` is the state now; without it,
+    it is what `change` makes of the initial state. Raises `InvalidInput`.
     """
     dynamics = Dynamics(problem)
     changes = KnownChanges(dynamics, change)
@@ -87,7 +95,9 @@ def recover_goals(
     if bound_instances(rest_problem) > LARGE_INSTANCES and isinstance(
         ordered_plan := plan_in_sequence(rest_problem, limits), Found
     ):
-        return RecoveryResult(rest_problem, ordered_plan, "planned" if left is None else "replanned")
+        return RecoveryResult(
+            rest_problem, ordered_plan, "planned" if left is None else "replanned"
+        )
     if left is None or not executable:
         revised = planned_anew(rest_problem, left, limits, obstacles, plan_in_sequence)
         origin = "planned" if left is None else revised.way
@@ -116,7 +126,9 @@ def recover_goals(
 
 
 def plan_in_sequence(problem: Problem, limits: SearchLimits) -> Outcome | None:
-    """A plan for an inspection in the order of its sequence; None for any other problem, or if that leads to no plan."""
+    """A plan for an inspection in the order of its sequence; None for any other problem, or if
+    that leads to no plan.
+    """
     if not is_put_in_order(problem):
         return None
     from cellwright.engine.pipelines.planning.decomposition import (
@@ -130,9 +142,13 @@ def plan_in_sequence(problem: Problem, limits: SearchLimits) -> Outcome | None:
 def with_kept_sequence(
     recovery: RecoveryResult, problem: Problem, lost: Collection[str], store: str
 ) -> RecoveryResult:
-    """The recovery with the kept sequence of the problem from `store`, after its update by what was lost."""
+    """The recovery with the kept sequence of the problem from `store`, after its update by what
+    was lost.
+    """
     if not lost:
         return recovery
     from cellwright.engine.pipelines.planning.decomposition.kept_sequences import told_of_losses
 
-    return replace(recovery, sequence=told_of_losses(store, problem.replace(recovery.problem.initial), lost))
+    return replace(
+        recovery, sequence=told_of_losses(store, problem.replace(recovery.problem.initial), lost)
+    )

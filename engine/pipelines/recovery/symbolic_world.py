@@ -20,7 +20,10 @@ from cellwright.kb.terms import Atom, Function, stage_parts
 
 @dataclass
 class SymbolicWorld:
-    """The facts and the stages reached, of the problem as it was when the run began. Steps move it on."""
+    """The facts and the stages reached, of the problem as it was when the run began.
+
+    Steps move it on.
+    """
 
     chains: Sequence[Chain]
     facts: set[Atom]
@@ -31,7 +34,9 @@ class SymbolicWorld:
         """The world in which a problem begins."""
         known_facts = set(facts)
         reached = (
-            dict(initial_progress(problem.chains, stage_holds(Listed(known_facts)))) if problem.chains else {}
+            dict(initial_progress(problem.chains, stage_holds(Listed(known_facts))))
+            if problem.chains
+            else {}
         )
         return cls(problem.chains, known_facts, reached)
 
@@ -47,7 +52,9 @@ class SymbolicWorld:
         if not self.chains:
             return ()
         before = self.reached
-        self.reached, _ = advance_chains(self.chains, before, change.events, stage_holds(Listed(self.facts)))
+        self.reached, _ = advance_chains(
+            self.chains, before, change.events, stage_holds(Listed(self.facts))
+        )
         return tuple(self._moves(before, change.events))
 
     def become(self, state: WorldState) -> tuple[tuple[Atom, ...], tuple[Atom, ...]]:

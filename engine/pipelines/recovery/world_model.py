@@ -37,14 +37,17 @@ from cellwright.kb.terms import (
     term_variables,
 )
 
-Move = tuple[str, int, Atom]  # a chain, the number of its stage that is reached, and the atom that reaches it
+# a chain, the number of its stage that is reached, and the atom that reaches it
+Move = tuple[str, int, Atom]
 
 MAX_KEPT_STATES = 256  # states whose derived facts are kept
 
 
 @dataclass(frozen=True, slots=True)
 class WorldState:
-    """The facts that are true, and for each chain of the workflow how many of its stages are reached."""
+    """The facts that are true, and for each chain of the workflow how many of its stages are
+    reached.
+    """
 
     facts: State
     reached: Mapping[str, int] = field(default_factory=dict)
@@ -95,7 +98,8 @@ class Dynamics:
     def effects(
         self, step: Function, state: WorldState
     ) -> tuple[WorldState, tuple[Atom, ...], tuple[Move, ...]]:
-        """The state after a step, what the step adds, events included, and the stages that are reached with it.
+        """The state after a step, what the step adds, events included, and the stages that are
+        reached with it.
 
         Raises `ValueError` if there is no such step.
         """
@@ -118,15 +122,19 @@ class Dynamics:
             for number in range(before[chain.name], after[chain.name]):
                 yield chain.name, number + 1, reached_as(chain.stages[number], true)
 
-    def changed(self, state: WorldState, denied: Iterable[Atom], added: Iterable[Atom]) -> WorldState:
-        """The state after something has happened by itself, with all that follows by deductive operators.
+    def changed(
+        self, state: WorldState, denied: Iterable[Atom], added: Iterable[Atom]
+    ) -> WorldState:
+        """The state after something has happened by itself, with all that follows by deductive
+        operators.
 
-        What fits a pattern in `denied` ends; then each ground atom of `added` becomes true, one after another, so that the
-        last one counts where two exclude each other.
+        What fits a pattern in `denied` ends; then each ground atom of `added` becomes true, one
+        after another, so that the last one counts where two exclude each other.
         """
         patterns = tuple(denied)
         gone = sorted(
-            (f for f in state.facts if any(is_instance(pattern, f) for pattern in patterns)), key=str
+            (f for f in state.facts if any(is_instance(pattern, f) for pattern in patterns)),
+            key=str,
         )
         facts = self.asserted(state.facts, (), gone)
         for atom in added:
@@ -136,14 +144,17 @@ class Dynamics:
     def asserted(self, facts: State, added: Sequence[Atom], gone: Sequence[Atom] = ()) -> State:
         """Facts after some came true and others ended, with all that follows.
 
-        What is added counts for more than what follows from the end of something: if another tool is held now, the hand is
-        not empty because the old one has left it. A quantity has its new value only.
+        What is added counts for more than what follows from the end of something: if another tool
+        is held now, the hand is not empty because the old one has left it. A quantity has its new
+        value only.
         """
         gone = (*gone, *self._values_before(facts, added))
         direct = self.semantics.deduce(added, (), frozenset())
         ending = [Denial(atom, deduced=False) for atom in gone]
         change = self.semantics.deduce(added, tuple(ending), facts)
-        if displaced := self.displaced(facts - change.ends, change.adds - self._overruled(change, direct)):
+        if displaced := self.displaced(
+            facts - change.ends, change.adds - self._overruled(change, direct)
+        ):
             ending += [Denial(atom, deduced=False) for atom in displaced]
             change = self.semantics.deduce(added, tuple(ending), facts)
         return ((facts - change.ends) | change.adds) - self._overruled(change, direct)
@@ -166,9 +177,11 @@ class Dynamics:
         )
 
     def displaced(self, facts: State, added: Iterable[Atom]) -> tuple[Atom, ...]:
-        """The facts that cannot stand beside new ones, because they would have denied them: a full hand, if it is empty now.
+        """The facts that cannot stand beside new ones, because they would have denied them: a full
+        hand, if it is empty now.
 
-        A fact that denies another one only when it comes about is none of these: both can be true one after the other.
+        A fact that denies another one only when it comes about is none of these: both can be true
+        one after the other.
         """
         new = frozenset(added) - facts
         old = facts - new
@@ -191,9 +204,11 @@ class Dynamics:
         return task, {atom: number for number, atom in enumerate(task.atoms)}
 
     def presupposed(self, step: Function, state: WorldState) -> WorldState:
-        """The state, corrected so that a step can have begun in it; as it is if that cannot be told from its precondition.
+        """The state, corrected so that a step can have begun in it; as it is if that cannot be told
+        from its precondition.
 
-        Facts that the precondition names are made true or untrue; of a derived one, the facts under the first rule for it.
+        Facts that the precondition names are made true or untrue; of a derived one, the facts under
+        the first rule for it.
         """
         bound_operator = self.semantics.binding(step)
         if isinstance(bound_operator, str) or not self.refusal(step, state):
@@ -204,12 +219,16 @@ class Dynamics:
         for part in goal_parts(operator.precondition):
             if isinstance(part, Literal):
                 (added if part.positive else denied).append(substitute_atom(part.atom, bindings))
-        missing = [fact for atom in added for fact in self._grounds(atom) if fact not in state.facts]
+        missing = [
+            fact for atom in added for fact in self._grounds(atom) if fact not in state.facts
+        ]
         corrected = self.changed(state, denied, missing)
         return corrected if not self.refusal(step, corrected) else state
 
     def _grounds(self, atom: Atom) -> list[Atom]:
-        """The fluents that an atom needs: itself, or what the first rule for it names whose static part holds."""
+        """The fluents that an atom needs: itself, or what the first rule for it names whose
+        static part holds.
+        """
         if self.semantics.fluents_behind(atom.name) == {atom.name}:
             return [atom]
         for rule in self.problem.domain.rules:
@@ -217,11 +236,15 @@ class Dynamics:
             if bindings is None or any(isinstance(part, StateAggregate) for part in rule.body):
                 continue
             fluents = [
-                p for p in rule.body if isinstance(p, Literal) and self.semantics.fluents_behind(p.atom.name)
+                p
+                for p in rule.body
+                if isinstance(p, Literal) and self.semantics.fluents_behind(p.atom.name)
             ]
             static = tuple(part for part in rule.body if part not in fluents)
             for solved in solve_conditions(static, self.semantics.statics, bindings):
-                named = [substitute_atom(fluent.atom, solved) for fluent in fluents if fluent.positive]
+                named = [
+                    substitute_atom(fluent.atom, solved) for fluent in fluents if fluent.positive
+                ]
                 return [fact for atom in named for fact in self._grounds(atom)]
         return []
 
@@ -243,7 +266,9 @@ Causes = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class StepAchievement:
-    """A step that is done: the facts and events that it brought about, and the stages that were reached with it."""
+    """A step that is done: the facts and events that it brought about, and the stages that were
+    reached with it.
+    """
 
     id: StepId
     step: Function
@@ -253,7 +278,9 @@ class StepAchievement:
 
 @dataclass(frozen=True, slots=True)
 class KeptHistory:
-    """What of the steps that are done a fault base can come back to: the names of what causes spoil, and of steps since when."""
+    """What of the steps that are done a fault base can come back to: the names of what causes
+    spoil, and of steps since when.
+    """
 
     doubted: frozenset[str] = frozenset()
     since: frozenset[str] = frozenset()
@@ -279,7 +306,8 @@ class KeptHistory:
 class FaultyCell:
     """A cell in which a step got an exceptional reply. `done` are the steps before it, in order.
 
-    A step changes nothing where its precondition does not hold, or where a cause that is there blocks it.
+    A step changes nothing where its precondition does not hold, or where a cause that is there
+    blocks it.
     """
 
     dynamics: Dynamics
@@ -291,9 +319,13 @@ class FaultyCell:
     _limited: dict[frozenset[str], Semantics] = field(default_factory=dict, compare=False)
 
     def begun(self, before: WorldState, causes: Causes) -> WorldState:
-        """The state when the exception is noticed: what the causes say of it, `before` being the state before the step."""
+        """The state when the exception is noticed: what the causes say of it, `before` being
+        the state before the step.
+        """
         state = before
-        if self.interrupted is not None and any(self.model.causes[cause].completes for cause in causes):
+        if self.interrupted is not None and any(
+            self.model.causes[cause].completes for cause in causes
+        ):
             refused = self.dynamics.refusal(self.interrupted, state)
             state = state if refused else self.dynamics.after(self.interrupted, state)
         state = self._reopened(state, causes)
@@ -329,7 +361,8 @@ class FaultyCell:
         return next((cause for cause in causes if self._fails(cause, step)), "")
 
     def blocked(self, cause: str) -> tuple[Function, ...]:
-        """The steps that fail while a cause is there, as patterns; the interrupted step is one of them if there are any.
+        """The steps that fail while a cause is there, as patterns; the interrupted step is one of
+        them if there are any.
 
         So do those whose work would not count, because the cause puts it in doubt.
         """
@@ -352,17 +385,26 @@ class FaultyCell:
         return self._bound(self.model.causes[cause].spoils)
 
     def carried_out_by(self, action: FaultTest | Repair) -> Function | None:
-        """The step that carries out a test or a repair; None if it is no step, or something in it is not known."""
+        """The step that carries out a test or a repair; None if it is no step, or something in
+        it is not known.
+        """
         step = substitute_atom(action.by, self.binding) if action.by is not None else None
         return step if step is not None and is_ground(step) else None
 
     def spoilt(self, cause: str) -> tuple[tuple[StepAchievement, ...], tuple[StepAchievement, ...]]:
-        """The steps whose work a cause puts in doubt, and those whose like work stands: what was done before `since`."""
+        """The steps whose work a cause puts in doubt, and those whose like work stands: what
+        was done before `since`.
+        """
         entry = self.model.causes[cause]
         patterns, since = self.patterns(cause), self._bound(entry.since)
-        last = max((n for n, achieved in enumerate(self.done) if _any_fits(since, achieved.step)), default=-1)
+        last = max(
+            (n for n, achieved in enumerate(self.done) if _any_fits(since, achieved.step)),
+            default=-1,
+        )
         touched = [_matching_part(achieved, patterns) for achieved in self.done]
-        return tuple(a for a in touched[last + 1 :] if a), tuple(a for a in touched[: last + 1] if a)
+        return tuple(a for a in touched[last + 1 :] if a), tuple(
+            a for a in touched[: last + 1] if a
+        )
 
     def _vain(self, cause: str) -> Iterator[Function]:
         for operator in self.dynamics.problem.domain.operators:
@@ -371,13 +413,18 @@ class FaultyCell:
                     bindings = _unify(effect.atom, pattern) if effect.adds else None
                     if bindings is not None:
                         yield Function(
-                            operator.name, tuple(bindings.get(v, ANYTHING) for v in operator.variables)
+                            operator.name,
+                            tuple(bindings.get(v, ANYTHING) for v in operator.variables),
                         )
 
     def _step(self, pattern: Function) -> Function:
-        """A pattern of steps with the interrupted step's arguments; what it does not bind is anything."""
+        """A pattern of steps with the interrupted step's arguments; what it does not bind is
+        anything.
+        """
         bound_pattern = substitute_atom(pattern, self.binding)
-        return substitute_atom(bound_pattern, dict.fromkeys(term_variables(bound_pattern), ANYTHING))
+        return substitute_atom(
+            bound_pattern, dict.fromkeys(term_variables(bound_pattern), ANYTHING)
+        )
 
     def _fails(self, cause: str, step: Function) -> bool:
         return _any_fits(self.blocked(cause), step) or isinstance(
@@ -389,7 +436,9 @@ class FaultyCell:
         lost = frozenset(map(str, self.lost(cause)))
         if lost not in self._limited:
             self._limited[lost] = (
-                Semantics(forbid_steps(self.dynamics.problem, lost)) if lost else self.dynamics.semantics
+                Semantics(forbid_steps(self.dynamics.problem, lost))
+                if lost
+                else self.dynamics.semantics
             )
         return self._limited[lost]
 
@@ -410,7 +459,9 @@ class FaultyCell:
 def plan_history(
     dynamics: Dynamics, plan: Plan, done: Sequence[StepId]
 ) -> tuple[WorldState, tuple[StepAchievement, ...]]:
-    """The state after some steps of a plan if each did what it should, and what each of them has achieved."""
+    """The state after some steps of a plan if each did what it should, and what each of them
+    has achieved.
+    """
     state, names = dynamics.start(), set(done)
     achieved = []
     for step in plan.steps:

@@ -7,7 +7,11 @@ from cellwright.engine.pipelines.simulators.simulator_settings import (
     settings_of,
 )
 from cellwright.engine.pipelines.simulators.true_state import HiddenCell, exceptions_of_cause
-from cellwright.engine.pipelines.simulators.virtual_clock import Simulator, fault_base, simulated_driver
+from cellwright.engine.pipelines.simulators.virtual_clock import (
+    Simulator,
+    fault_base,
+    simulated_driver,
+)
 
 __all__ = [
     "HiddenCell",

@@ -1,7 +1,8 @@
 """Arm of a simulated cell that stops where it would touch an unmodelled body, and goes back.
 
-Each step gets the motion that planning gives it in the cell as it is known. Whether that touches what nobody knows of is looked
-up along the way in the cell as it is. Everything else about a step is decided by the facts alone.
+Each step gets the motion that planning gives it in the cell as it is known. Whether that touches
+what nobody knows of is looked up along the way in the cell as it is. Everything else about a step
+is decided by the facts alone.
 """
 
 from collections.abc import Collection, Iterator
@@ -68,7 +69,9 @@ class ObstructedArm:
         self._walk.hands.put(where)
         return False
 
-    def _met(self, moved: MovedStep, operation: Operation, before: Facts, after: Facts) -> Iterator[str]:
+    def _met(
+        self, moved: MovedStep, operation: Operation, before: Facts, after: Facts
+    ) -> Iterator[str]:
         """What the arms meet on their way of what nobody knows of, in this order."""
         for leg in moved.legs:
             state = frozenset(after if leg.kind is LegKind.OUT else before)
@@ -85,7 +88,9 @@ class ObstructedArm:
         pieces, pairs = ground.scene.pieces, ground.scene.pairs.reshape(-1, 2)
         rows = [n for n, (i, j) in enumerate(pairs) if {pieces[i].body, pieces[j].body} & hidden]
         if rows:
-            yield from self._touched(ground.only(rows), room.whole(leg.arm, subdivide_path(leg.path)))
+            yield from self._touched(
+                ground.only(rows), room.whole(leg.arm, subdivide_path(leg.path))
+            )
 
     def _on_ride(self, room: CellState, last: CellState, body: str, leg: StepLeg) -> Iterator[str]:
         ride = BodyRide.of(room, body, guide_value(room.world, body), guide_value(last.world, body))
@@ -97,11 +102,16 @@ class ObstructedArm:
         if len(hits):
             contacts = ground.contacts(whole[hits[0]])
             yield from (
-                n for contact in contacts for n in (contact.first, contact.second) if n in self.unknown.names
+                n
+                for contact in contacts
+                for n in (contact.first, contact.second)
+                if n in self.unknown.names
             )
 
     def met(self) -> dict[str, Any]:
-        """What the last step has run into, as a reply tells it; empty if it has run into nothing."""
+        """What the last step has run into, as a reply tells it; empty if it has run into
+        nothing.
+        """
         return self._told
 
     def misfit(self, facts: Facts, before: Facts, after: Facts) -> int:  # noqa: ARG002 - bodies are where facts put them

@@ -8,17 +8,25 @@ from cellwright.kb.terms import Atom, Function
 
 
 class PhysicalBody(Protocol):
-    """What a cell is made of, where steps of arms are really moved: it knows whether they have worked."""
+    """What a cell is made of, where steps of arms are really moved: it knows whether they have
+    worked.
+    """
 
-    def carries_out(self, step: Function, before: Collection[Atom], after: Collection[Atom]) -> bool:
+    def carries_out(
+        self, step: Function, before: Collection[Atom], after: Collection[Atom]
+    ) -> bool:
         """Take a step; whether it has led from the facts before it to those after it."""
         ...
 
     def met(self) -> Mapping[str, Any]:
-        """What has stopped the arm in the last step, as the data of a reply; empty if nothing has: the arm is where it was."""
+        """What has stopped the arm in the last step, as the data of a reply; empty if nothing
+        has: the arm is where it was.
+        """
         ...
 
-    def misfit(self, facts: Collection[Atom], before: Collection[Atom], after: Collection[Atom]) -> int:
+    def misfit(
+        self, facts: Collection[Atom], before: Collection[Atom], after: Collection[Atom]
+    ) -> int:
         """After such a step, in how many bodies some facts are wrong."""
         ...
 
@@ -40,10 +48,14 @@ class PhysicalBody(Protocol):
 
 
 class SimulatedCell(Protocol):
-    """What the simulated driver drives: a cell that takes commands when they end, and says how they ended."""
+    """What the simulated driver drives: a cell that takes commands when they end, and says how
+    they ended.
+    """
 
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
-        """Carry out a step with the part believed to lie there: its reply; None if none ever comes."""
+        """Carry out a step with the part believed to lie there: its reply; None if none ever
+        comes.
+        """
         ...
 
     def told(self) -> Mapping[str, Any]:
@@ -64,16 +76,20 @@ class SimulatedCell(Protocol):
 
 
 def reading_by(body: PhysicalBody | None, about: Function) -> str:
-    """What the sensor reads that a step or a fact names first; empty if it names none of the cell."""
+    """What the sensor reads that a step or a fact names first; empty if it names none of the
+    cell.
+    """
     if body is None or not about.arguments:
         return ""
     return body.reading(str(about.arguments[0]))
 
 
 def told_by(body: PhysicalBody, test: FaultTest, usual: Callable[[str, str], bool]) -> str:
-    """The outcome of a test that is made by a sensor of a physical cell; empty if the cell cannot tell.
+    """The outcome of a test that is made by a sensor of a physical cell; empty if the cell cannot
+    tell.
 
-    `usual` says whether a sensor would have this reading had the step worked: that is the usual outcome.
+    `usual` says whether a sensor would have this reading had the step worked: that is the usual
+    outcome.
     """
     if test.by is None or not (shown := reading_by(body, test.by)):
         return ""

@@ -16,7 +16,9 @@ LOOK_KEYS = ("looks", "watches", "part")
 
 @dataclass(frozen=True, slots=True)
 class HandChange:
-    """What a person has changed in the cell: facts that hold now, those that do not any more, and the stages reached then."""
+    """What a person has changed in the cell: facts that hold now, those that do not any more,
+    and the stages reached then.
+    """
 
     adds: tuple[str, ...]
     ends: tuple[str, ...]
@@ -25,7 +27,9 @@ class HandChange:
 
 @dataclass(frozen=True, slots=True)
 class SentMessage:
-    """What came from the executive at a time: commands, that everything halts, or what a person has done."""
+    """What came from the executive at a time: commands, that everything halts, or what a person
+    has done.
+    """
 
     at_ms: int
     commands: tuple[DriverCommand, ...] = ()
@@ -35,7 +39,10 @@ class SentMessage:
 
 @dataclass
 class SimulatorLog:
-    """The log of a simulator. Without a file nothing is kept. What was written before is read once, by `past`."""
+    """The log of a simulator.
+
+    Without a file nothing is kept. What was written before is read once, by `past`.
+    """
 
     file: str
     _out: TextIO | None = field(default=None, init=False)
@@ -67,7 +74,9 @@ class SimulatorLog:
 
     def ended(self, at_ms: int, command: DriverCommand, reply: str | None) -> None:
         """A command was carried out."""
-        self._write({"at_ms": at_ms, "ended": command.number, "action": command.action, "reply": reply})
+        self._write(
+            {"at_ms": at_ms, "ended": command.number, "action": command.action, "reply": reply}
+        )
 
     def halted(self, at_ms: int) -> None:
         """Everything was halted."""
@@ -75,7 +84,9 @@ class SimulatorLog:
 
     def by_hand(self, at_ms: int, hand: HandChange) -> None:
         """A person has changed something."""
-        self._write({"at_ms": at_ms, "hand": [list(hand.adds), list(hand.ends), dict(hand.reached)]})
+        self._write(
+            {"at_ms": at_ms, "hand": [list(hand.adds), list(hand.ends), dict(hand.reached)]}
+        )
 
     def _write(self, entry: dict[str, Any]) -> None:
         if self._out is not None and not self._repeats:
@@ -89,7 +100,10 @@ class SimulatorLog:
 
 
 def _log_entries(file: Path) -> Iterator[tuple[int, dict[str, Any]]]:
-    """The entries of a log, each with its line; a line that was not written whole is left out. Raises `InvalidInput`."""
+    """The entries of a log, each with its line; a line that was not written whole is left out.
+
+    Raises `InvalidInput`.
+    """
     for number, line in enumerate(read_file(file, most=MAX_LOG_BYTES).text.split("\n"), 1):
         try:
             yield number, json.loads(line)
@@ -111,7 +125,9 @@ def _read_sent(entry: dict[str, Any]) -> SentMessage:
     if not isinstance(at_ms, int):
         raise TypeError(f"at_ms is {at_ms!r}")
     hand = _read_hand_change(*entry["hand"]) if "hand" in entry else None
-    return SentMessage(at_ms, tuple(map(_read_command, entry.get("sent", ()))), "halted" in entry, hand)
+    return SentMessage(
+        at_ms, tuple(map(_read_command, entry.get("sent", ()))), "halted" in entry, hand
+    )
 
 
 def _read_hand_change(adds: list[str], ends: list[str], reached: dict[str, int]) -> HandChange:

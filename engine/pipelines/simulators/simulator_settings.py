@@ -11,10 +11,11 @@ from cellwright.kb.numbers import NumberError, is_count, read_decimal
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """A fault that appears when a step is carried out: which step, the how-manieth time, and its cause.
+    """A fault that appears when a step is carried out: which step, the how-manieth time, and its
+    cause.
 
-    `action` is the step as an instance, or the name of its operator for any step of it. `exception` is how the step fails;
-    empty for the first one of the base that the cause can have there.
+    `action` is the step as an instance, or the name of its operator for any step of it. `exception`
+    is how the step fails; empty for the first one of the base that the cause can have there.
     """
 
     action: str
@@ -47,12 +48,19 @@ class SimulatorSettings:
 
 
 def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> SimulatorSettings:
-    """How a simulated cell behaves. `more` are options that its driver has beside these. Raises `InvalidInput`."""
+    """How a simulated cell behaves.
+
+    `more` are options that its driver has beside these. Raises `InvalidInput`.
+    """
     known_options = ("spread", "lookahead", "fault", "log", "truth", *more)
     if unknown := [name for name in setup.options if name not in known_options]:
         hint = f"one of: {', '.join(known_options)}"
         raise InvalidInput(
-            [Diagnostic(Source("--option"), "K408", f"the simulator has no option '{unknown[0]}'", hint)]
+            [
+                Diagnostic(
+                    Source("--option"), "K408", f"the simulator has no option '{unknown[0]}'", hint
+                )
+            ]
         )
     return SimulatorSettings(
         setup.seed,
@@ -74,7 +82,9 @@ def option_number(options: Mapping[str, str], name: str, default: float = 0.0) -
         return read_decimal(options[name]) if name in options else default
     except NumberError as error:
         reason = f"'{options[name][:40]}' {error}"
-        raise InvalidInput([Diagnostic(Source("--option"), "K107", reason, f"write {name}=0.2")]) from None
+        raise InvalidInput(
+            [Diagnostic(Source("--option"), "K107", reason, f"write {name}=0.2")]
+        ) from None
 
 
 def drawn_duration(settings: SimulatorSettings, action: str, time_: int, lasts_ms: int) -> int:

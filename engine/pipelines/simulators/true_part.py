@@ -1,8 +1,10 @@
 """True part in a simulated cell: hidden position, sizes, and tools that err and drift.
 
-In the truth, `drift` says for a tool by how much each of its values is farther off than the one before (`per_value`, in the unit of the
-measurement), which steps calibrate it (`calibrated_by`, the name of an operator), what a calibration allows (`allowance`), and which cause of the
-fault base is there when it finds more than that (`cause`). With `values`, it drifts in its first so many values only, as it warms up.
+In the truth, `drift` says for a tool by how much each of its values is farther off than the one
+before (`per_value`, in the unit of the measurement), which steps calibrate it (`calibrated_by`, the
+name of an operator), what a calibration allows (`allowance`), and which cause of the fault base is
+there when it finds more than that (`cause`). With `values`, it drifts in its first so many values
+only, as it warms up.
 """
 
 import random
@@ -73,12 +75,17 @@ class DriftingTools:
         """The tool that drifts and that a step calibrates; None if there is none."""
         names = {str(argument) for argument in step.arguments}
         calibrated = (
-            tool for tool, drift in self.tools.items() if drift.calibrated_by == step.name and tool in names
+            tool
+            for tool, drift in self.tools.items()
+            if drift.calibrated_by == step.name and tool in names
         )
         return next(calibrated, None)
 
     def found(self, step: Function) -> str | None:
-        """The cause that a step finds: its tool is farther off than is allowed. None if all is well, or if it calibrates nothing."""
+        """The cause that a step finds: its tool is farther off than is allowed.
+
+        None if all is well, or if it calibrates nothing.
+        """
         tool = self.calibrates(step)
         if tool is None or abs(self.off(tool)) <= self.tools[tool].allowance:
             return None
@@ -116,7 +123,10 @@ Part = Sequence[float]
 
 @dataclass
 class PartTruth:
-    """The hidden truth of one part and the tools that measure it. Lengths of places are in metres."""
+    """The hidden truth of one part and the tools that measure it.
+
+    Lengths of places are in metres.
+    """
 
     problem: Problem
     T: Floats = field(default_factory=lambda: np.eye(4))
@@ -132,7 +142,9 @@ class PartTruth:
         self._times: dict[str, int] = {}
 
     def value(self, step: Function, part: Part = ()) -> str | None:
-        """What a step measures, as a term; None if it measures nothing. `part` is where the arm believes the part to lie."""
+        """What a step measures, as a term; None if it measures nothing. `part` is where the arm
+        believes the part to lie.
+        """
         asked = self._measuring.expected(step)
         if asked is None:
             return None
@@ -148,9 +160,9 @@ class PartTruth:
         if point is None or point.kind != PROFILE_KIND or asked.unit not in METRES_PER_UNIT:
             return self.values.get(asked.of, asked.about)
         off_m = self.values.get(asked.of, 0.0) * METRES_PER_UNIT[asked.unit]
-        return (asked.nominal or 0.0) + self._met(point, off_m, displacement_of(part)) / METRES_PER_UNIT[
-            asked.unit
-        ]
+        return (asked.nominal or 0.0) + self._met(
+            point, off_m, displacement_of(part)
+        ) / METRES_PER_UNIT[asked.unit]
 
     def _met(self, point: MeasurementPoint, off_m: float, T: Floats) -> float:
         """How far (m) along the believed normal the true surface is from the believed point."""
@@ -161,9 +173,13 @@ class PartTruth:
 
 
 def displacement_of(part: Part) -> Floats:
-    """A displacement (4, 4) from the twelve numbers of its first three rows; none stands for no displacement."""
+    """A displacement (4, 4) from the twelve numbers of its first three rows; none stands for no
+    displacement.
+    """
     displacement: Floats = (
-        np.vstack([np.array(part, float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]]) if part else np.eye(4)
+        np.vstack([np.array(part, float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+        if part
+        else np.eye(4)
     )
     return displacement
 
@@ -178,7 +194,8 @@ def read_truth(file: str, problem: Problem, seed: int) -> PartTruth:
         reason = f"unknown key '{strange[0]}'" if isinstance(content, dict) else "no JSON object"
         raise _truth_error(file, reason)
     shift, turn = (
-        np.array(_read_numbers(file, content, key, 3) or (0.0, 0.0, 0.0)) for key in ("shift_mm", "turn_deg")
+        np.array(_read_numbers(file, content, key, 3) or (0.0, 0.0, 0.0))
+        for key in ("shift_mm", "turn_deg")
     )
     maps = {key: _read_values(file, content, key) for key in ("values", "noise", "bad")}
     drifting = DriftingTools(_read_drifts(file, content, problem))
@@ -196,7 +213,9 @@ def _read_drifts(file: str, said: Mapping[str, Any], problem: Problem) -> dict[s
         if isinstance(drift, str):
             raise _truth_error(file, f"`drift` of {tool}: {drift}")
         if drift.calibrated_by not in operators:
-            raise InvalidInput([unknown_name("operator", drift.calibrated_by, operators, Source(file))])
+            raise InvalidInput(
+                [unknown_name("operator", drift.calibrated_by, operators, Source(file))]
+            )
         drifts[str(tool)] = drift
     return drifts
 

@@ -41,13 +41,18 @@ SIGMA_SHARE = 0.2  # of the way from the nominal value to a limit
 
 
 class GoodPart:
-    """Values near to the nominal ones, well inside of what is allowed. The same step measures the same in every run of a seed."""
+    """Values near to the nominal ones, well inside of what is allowed.
+
+    The same step measures the same in every run of a seed.
+    """
 
     def __init__(self, problem: Problem, seed: int) -> None:
         self._measuring, self._seed = MeasurementJudge(problem), seed
 
     def value(self, step: Function, time: int) -> str:
-        """What a step measures the n-th time it is taken: near to the nominal value, else to what is usual."""
+        """What a step measures the n-th time it is taken: near to the nominal value, else to
+        what is usual.
+        """
         middle, scatter = self._usual(step)
         return str(round(middle + random.Random(f"{self._seed} {step} {time}").gauss(0, scatter)))
 
@@ -57,7 +62,9 @@ class GoodPart:
             return 0.0, MAX_SIGMA
         if asked.nominal is None:
             return asked.usual, MAX_SIGMA
-        ways = [abs(limit - asked.nominal) for limit in (asked.lower, asked.upper) if limit is not None]
+        ways = [
+            abs(limit - asked.nominal) for limit in (asked.lower, asked.upper) if limit is not None
+        ]
         return asked.nominal, min([MAX_SIGMA, *(SIGMA_SHARE * distance for distance in ways)])
 
 
@@ -66,7 +73,9 @@ def possible_exceptions(
 ) -> Iterator[Interruption]:
     """The exceptions that a step can have, for a cause if it is given."""
     for exception in model.exceptions.values():
-        fits = exception.operator is not None and match_term(exception.operator, step, {}) is not None
+        fits = (
+            exception.operator is not None and match_term(exception.operator, step, {}) is not None
+        )
         if fits and (not cause or cause in exception.counts) and name in ("", exception.name):
             yield exception
 
@@ -106,9 +115,11 @@ class HiddenFault:
 
 @dataclass
 class HiddenCell:
-    """A cell as it really is. `faults` are there now; the state is that of `world` as long as none is.
+    """A cell as it really is. `faults` are there now; the state is that of `world` as long as none
+    is.
 
-    With a `body`, steps fail as physics has it. The cause is then the one that explains best where everything is.
+    With a `body`, steps fail as physics has it. The cause is then the one that explains best where
+    everything is.
     """
 
     problem: Problem
@@ -122,7 +133,8 @@ class HiddenCell:
     body: PhysicalBody | None = None
     truth: "PartTruth | None" = None
     unknown: "UnmodelledThings | None" = None
-    expected: WorldState | None = None  # after the last step that physics has made fail, had it worked
+    # after the last step that physics has made fail, had it worked
+    expected: WorldState | None = None
 
     def __post_init__(self) -> None:
         self.dynamics = Dynamics(self.problem)
@@ -130,7 +142,9 @@ class HiddenCell:
         self._told: Mapping[str, Any] = {}
         self._know(self._start())
         self._good = GoodPart(self.problem, self.seed)
-        needs_facts = self.injections or self.body or (self.truth is not None and self.truth.drifting)
+        needs_facts = (
+            self.injections or self.body or (self.truth is not None and self.truth.drifting)
+        )
         self._memory = KeptHistory.of(self.model if needs_facts else None)
 
     def _start(self) -> WorldState:
@@ -152,12 +166,16 @@ class HiddenCell:
     def not_come(self) -> tuple[str, ...]:
         """The faults that were ordered for steps that were not taken so often."""
         late = (
-            injection for injection in self.injections if self.times.get(injection.action, 0) < injection.time
+            injection
+            for injection in self.injections
+            if self.times.get(injection.action, 0) < injection.time
         )
         return tuple(f"{injection.action}#{injection.time}={injection.cause}" for injection in late)
 
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
-        """Carry out a step with the part believed to lie there: its reply; None if none ever comes."""
+        """Carry out a step with the part believed to lie there: its reply; None if none ever
+        comes.
+        """
         step, self._told = step_instance(text), {}
         for name in {str(step): None, step.name: None}:  # one name, if it has no arguments
             self.times[name] = self.times.get(name, 0) + 1
@@ -170,7 +188,11 @@ class HiddenCell:
             after = self.dynamics.after(step, before)
             if not self.body.carries_out(step, before.facts, after.facts):
                 self._told = self.body.met()
-                return OBSTRUCTED_REPLIES if self._told else self._shown(step, self.body, before, after)
+                return (
+                    OBSTRUCTED_REPLIES
+                    if self._told
+                    else self._shown(step, self.body, before, after)
+                )
         if self._refused(step):
             return self._blind(step)
         if self.truth is not None:
@@ -187,7 +209,9 @@ class HiddenCell:
         return f"value({shown})" if shown else ""
 
     def _drifted(self, step: Function) -> tuple[Injection, Interruption] | None:
-        """How a calibration shows that its tool has drifted too far: by the exception that has the fewest causes beside this."""
+        """How a calibration shows that its tool has drifted too far: by the exception that has
+        the fewest causes beside this.
+        """
         cause = self.truth.drifting.found(step) if self.truth else None
         if not cause or not self.model or any(cause in fault.causes for fault in self.faults):
             return None
@@ -206,7 +230,8 @@ class HiddenCell:
                 and injection.action in (str(step), step.name)
             ):
                 exception = next(
-                    possible_exceptions(self.model, step, injection.cause, injection.exception), None
+                    possible_exceptions(self.model, step, injection.cause, injection.exception),
+                    None,
                 )
                 if exception is not None:
                     return injection, exception
@@ -216,19 +241,26 @@ class HiddenCell:
         """A cause appears: the state is what it makes of the one in which the step began."""
         assert self.model is not None
         binding = binding_of(self.model, exception.name, step)
-        cell = FaultyCell(self.dynamics, self.model, exception.name, binding, step, tuple(self.done))
+        cell = FaultyCell(
+            self.dynamics, self.model, exception.name, binding, step, tuple(self.done)
+        )
         state = cell.begun(self.world.state, (injection.cause,))
         self._know(state)
         chance = random.Random(f"{self.seed} {injection.action} {injection.cause}")
         self.faults.append(
             HiddenFault(
-                cell, (injection.cause,), HiddenWorld(self.model, CaseHypothesis((injection.cause,)), chance)
+                cell,
+                (injection.cause,),
+                HiddenWorld(self.model, CaseHypothesis((injection.cause,)), chance),
             )
         )
         return None if exception.reply == SILENT_REPLY else exception.reply
 
-    def _shown(self, step: Function, body: PhysicalBody, before: WorldState, after: WorldState) -> str | None:
-        """The reply to a step that physics has made fail, by the cause that explains best where everything is now.
+    def _shown(
+        self, step: Function, body: PhysicalBody, before: WorldState, after: WorldState
+    ) -> str | None:
+        """The reply to a step that physics has made fail, by the cause that explains best where
+        everything is now.
 
         Of several that explain it as well, the most frequent one is there.
         """
@@ -255,7 +287,9 @@ class HiddenCell:
         return reply
 
     def _failing(self, step: Function) -> str | None:
-        """How a step fails because of what is there; None if nothing hinders it. Silence is answered late, as a failure."""
+        """How a step fails because of what is there; None if nothing hinders it. Silence is
+        answered late, as a failure.
+        """
         for fault in self.faults:
             cause = fault.cell.failing(fault.causes, step)
             if cause:
@@ -272,7 +306,11 @@ class HiddenCell:
             begun = LiftedExecution(self.domain, self.situation.facts)
             planned = Step(StepId(1), step)
             operator = self.domain.ground_step(step)
-            wrong = begun.take_known(planned, operator) if operator is not None else begun.take_any(planned)
+            wrong = (
+                begun.take_known(planned, operator)
+                if operator is not None
+                else begun.take_any(planned)
+            )
             if not wrong:
                 self._took(step, begun.changes[StepId(1)])
                 self.situation = Situation(self.domain, begun.facts)
@@ -281,7 +319,9 @@ class HiddenCell:
         if self.dynamics.refusal(step, state):
             return True
         for fault in self.faults:
-            state = fault.cell.taken(state, fault.causes, step) if fault is self.faults[0] else state
+            state = (
+                fault.cell.taken(state, fault.causes, step) if fault is self.faults[0] else state
+            )
         self._know(state)
         return False
 
@@ -293,12 +333,16 @@ class HiddenCell:
             self.done.append(work)
 
     def _blind(self, step: Function) -> str:
-        """The reply to a step whose precondition does not hold: how it shows that it cannot be done."""
+        """The reply to a step whose precondition does not hold: how it shows that it cannot be
+        done.
+        """
         shown = None if self.model is None else next(possible_exceptions(self.model, step), None)
         return shown.reply if shown is not None else FAILED_REPLY
 
     def _reply(self, step: Function, expects: str, part: Sequence[float]) -> str:
-        """A normal reply, with what is measured on the true part, or on a good one if nothing is said about it."""
+        """A normal reply, with what is measured on the true part, or on a good one if nothing
+        is said about it.
+        """
         if expects == "done" or not expects:
             return "done"
         shown = self.truth.value(step, part) if self.truth is not None else None
@@ -315,7 +359,9 @@ class HiddenCell:
         facts = self.dynamics.facts(self.world.state)
         predicates = self.problem.domain.predicates
         seen = {
-            name for name, predicate in predicates.items() if predicate.kind in (Kind.FLUENT, Kind.DERIVED)
+            name
+            for name, predicate in predicates.items()
+            if predicate.kind in (Kind.FLUENT, Kind.DERIVED)
         }
         atoms = {text: step_instance(text) for text in looked_at}
         for text, atom in atoms.items():
@@ -345,7 +391,9 @@ class HiddenCell:
         return next((outcome for outcome in outcomes if outcome != test.otherwise), test.otherwise)
 
     def _is_usual(self, sensor: str, shown: str) -> bool:
-        """Whether a sensor would have a reading, had the last step worked that physics has made fail."""
+        """Whether a sensor would have a reading, had the last step worked that physics has made
+        fail.
+        """
         if self.expected is None:
             return False
         facts, terms = self.dynamics.facts(self.expected), (Function(sensor), Function(shown))
@@ -353,11 +401,15 @@ class HiddenCell:
 
     def _repaired(self, action: str, outcomes: Sequence[str]) -> str:
         assert self.model is not None
-        cured = [fault for fault, outcome in zip(self.faults, outcomes, strict=False) if outcome == CURED]
+        cured = [
+            fault for fault, outcome in zip(self.faults, outcomes, strict=False) if outcome == CURED
+        ]
         for fault in cured:
             before = self.world.state.facts
             self._know(fault.cell.cured(self.world.state, self.model.repairs[action]))
-            if self.truth is not None and (by := fault.cell.carried_out_by(self.model.repairs[action])):
+            if self.truth is not None and (
+                by := fault.cell.carried_out_by(self.model.repairs[action])
+            ):
                 self.truth.drifting.calibrated(by)
             self.faults.remove(fault)
             self.helped.append(action)
@@ -369,9 +421,15 @@ class HiddenCell:
         """A cell in which no cause is there, for tests that are made all the same."""
         assert self.model is not None
         cell = FaultyCell(self.dynamics, self.model, next(iter(self.model.exceptions)), {})
-        return HiddenFault(cell, (), HiddenWorld(self.model, CaseHypothesis(()), random.Random(self.seed)))
+        return HiddenFault(
+            cell, (), HiddenWorld(self.model, CaseHypothesis(()), random.Random(self.seed))
+        )
 
     def say(self, choices: Sequence[str]) -> str:
-        """What a person answers who looks into the cell: the causes that are there, if they are among the choices."""
+        """What a person answers who looks into the cell: the causes that are there, if they are
+        among the choices.
+        """
         named = " and ".join(cause for fault in self.faults for cause in fault.causes)
-        return next((choice for choice in choices if choice == named), choices[-1] if choices else "done")
+        return next(
+            (choice for choice in choices if choice == named), choices[-1] if choices else "done"
+        )

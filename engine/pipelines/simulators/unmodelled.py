@@ -29,7 +29,10 @@ OBSTACLES_HINT = "write `cell: NAME`, and below `fixtures:` the bodies, as in a 
 
 @dataclass
 class UnmodelledThings:
-    """The unknown in one cell. `true` are facts of the beginning that nobody knows, `false` those that are believed instead."""
+    """The unknown in one cell.
+
+    `true` are facts of the beginning that nobody knows, `false` those that are believed instead.
+    """
 
     cell: Cell
     bodies: Mapping[str, Body] = field(default_factory=dict)
@@ -39,7 +42,9 @@ class UnmodelledThings:
 
     @property
     def names(self) -> frozenset[str]:
-        """The bodies that nobody knows of, or not where they are, as long as the arm has not met them."""
+        """The bodies that nobody knows of, or not where they are, as long as the arm has not
+        met them.
+        """
         return frozenset({*self.bodies, *self._misplaced}) - self.met
 
     def real(self, start: Collection[Atom]) -> frozenset[Atom]:
@@ -56,7 +61,8 @@ class UnmodelledThings:
         """The cell as it is known: with those bodies that were met, as they were told of."""
         world = GeometricWorld.of(self.whole)
         return with_seen(
-            self.cell, [look_at(world, name, boxed=True) for name in sorted(self.met & {*self.bodies})]
+            self.cell,
+            [look_at(world, name, boxed=True) for name in sorted(self.met & {*self.bodies})],
         )
 
     def believed(self, facts: Collection[Atom]) -> frozenset[Atom]:
@@ -85,7 +91,11 @@ def unknown_of(options: Mapping[str, str], problem: Problem) -> UnmodelledThings
     cell = moving_cell(problem.domain.path)
     bodies = _obstacle_bodies(options["obstacles"], cell) if options.get("obstacles") else {}
     start = Dynamics(problem).start().facts
-    now = frozenset(_true_facts(options["really"], problem, start)) if options.get("really") else start
+    now = (
+        frozenset(_true_facts(options["really"], problem, start))
+        if options.get("really")
+        else start
+    )
     return UnmodelledThings(cell, bodies, now - start, start - now)
 
 
@@ -93,7 +103,9 @@ def _true_facts(text: str, problem: Problem, start: frozenset[Atom]) -> tuple[At
     parts = [part.strip() for part in text.split(";") if part.strip()]
     holds = ", ".join(part for part in parts if not part.startswith("-"))
     gone = ", ".join(part[1:].strip() for part in parts if part.startswith("-"))
-    read = [read_facts(facts_text, problem.domain, "--option really") for facts_text in (holds, gone)]
+    read = [
+        read_facts(facts_text, problem.domain, "--option really") for facts_text in (holds, gone)
+    ]
     return correct_state(Dynamics(problem), start, *read)
 
 
@@ -102,7 +114,9 @@ def _obstacle_bodies(file: str, cell: Cell) -> Mapping[str, Body]:
     bodies, other_names = read.bodies, {*read.arms, *read.places, *read.zones}
     if other_names:
         reason = f"it has more than bodies: {', '.join(sorted(other_names))}"
-        raise _option_error(file, "K405", reason, "keep only what stands in the way, under `fixtures`")
+        raise _option_error(
+            file, "K405", reason, "keep only what stands in the way, under `fixtures`"
+        )
     if not bodies:
         raise _option_error(file, "K405", "there is no body in it", OBSTACLES_HINT)
     for name, body in bodies.items():
@@ -117,7 +131,10 @@ def _obstacle_bodies(file: str, cell: Cell) -> Mapping[str, Body]:
 
 
 def _read_obstacles(file: Path) -> Cell:
-    """The cell in a file of obstacles. Raises `InvalidInput`, for an empty file with what belongs into it."""
+    """The cell in a file of obstacles.
+
+    Raises `InvalidInput`, for an empty file with what belongs into it.
+    """
     if file.is_file() and not file.read_bytes().strip():
         raise _option_error(str(file), "K002", "the file is empty", OBSTACLES_HINT)
     return load_cell(file)
@@ -135,7 +152,10 @@ def moving_cell(domain: str) -> Cell:
         )
     cell = load_cell(path)
     if not cell.operations:
-        hint = "say what the arm does in a step under `operations:`, such as pick(Item, Place): {at: Place}"
+        hint = (
+            "say what the arm does in a step under `operations:`, such as pick(Item, Place): "
+            "{at: Place}"
+        )
         raise _option_error(cell.path, "K405", "the cell declares no operations", hint)
     return cell
 

@@ -1,7 +1,7 @@
 """Simulated driver on a virtual clock: when commands begin and end. Their effects: `true_state`.
 
-With a log, a simulator that is made again for the same run is where the last one was: everything that was sent is carried out
-again on the virtual clock, which always ends in the same state.
+With a log, a simulator that is made again for the same run is where the last one was: everything
+that was sent is carried out again on the virtual clock, which always ends in the same state.
 """
 
 import heapq
@@ -22,7 +22,11 @@ from cellwright.engine.model.run_protocol import (
     Report,
 )
 from cellwright.engine.pipelines.simulators.simulated_cell import SimulatedCell
-from cellwright.engine.pipelines.simulators.simulator_log import HandChange, SentMessage, SimulatorLog
+from cellwright.engine.pipelines.simulators.simulator_log import (
+    HandChange,
+    SentMessage,
+    SimulatorLog,
+)
 from cellwright.engine.pipelines.simulators.simulator_settings import (
     SimulatorSettings,
     drawn_duration,
@@ -41,7 +45,9 @@ if TYPE_CHECKING:
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
 MAX_REMEMBERED_COMMANDS = (
-    10_000  # of the last commands it is known what they were and how they ended; nobody asks about older ones
+    # of the last commands it is known what they were and how they ended; nobody asks about older
+    # ones
+    10_000
 )
 
 
@@ -56,7 +62,8 @@ class Simulator:
         self._now = 0
         self._real = time.monotonic()
         self._known = NumberSet()  # every command that came
-        self._commands: dict[int, DriverCommand] = {}  # the last of them, and those that have not ended
+        # the last of them, and those that have not ended
+        self._commands: dict[int, DriverCommand] = {}
         self._ended: dict[int, Reply] = {}
         self._lost: set[int] = set()  # under way, and never answered
         self._dropped: set[int] = set()
@@ -119,7 +126,10 @@ class Simulator:
                 self._continued.add(command.about or 0)
                 self._ended[command.number] = Reply(command.number, "done", self._now)
                 self._next(command.stream)
-            elif self.settings.lookahead > 1 and command.kind in (CommandKind.STEP, CommandKind.WAIT):
+            elif self.settings.lookahead > 1 and command.kind in (
+                CommandKind.STEP,
+                CommandKind.WAIT,
+            ):
                 self._queues.setdefault(command.stream, deque()).append(command.number)
                 self._next(command.stream)
             else:
@@ -128,11 +138,18 @@ class Simulator:
             self._forget()
 
     def _forget(self) -> None:
-        """Forget old commands that have ended, so that memory does not grow with the run. They stay known."""
+        """Forget old commands that have ended, so that memory does not grow with the run.
+
+        They stay known.
+        """
         queued = {
             number for queue in self._queues.values() for number in queue
         }  # a WAIT is answered, and stays
-        old = [number for number in list(self._ended)[:-MAX_REMEMBERED_COMMANDS] if number not in queued]
+        old = [
+            number
+            for number in list(self._ended)[:-MAX_REMEMBERED_COMMANDS]
+            if number not in queued
+        ]
         for number in old:
             del self._ended[number]
             self._commands.pop(number, None)
@@ -143,7 +160,10 @@ class Simulator:
         queue = self._queues.get(stream)
         while queue:
             command = self._commands[queue[0]]
-            if any(self._commands[number].stream == stream for number in (*self._under_way, *self._lost)):
+            if any(
+                self._commands[number].stream == stream
+                for number in (*self._under_way, *self._lost)
+            ):
                 return
             if command.kind is CommandKind.WAIT:
                 if command.number not in self._ended:
@@ -166,14 +186,18 @@ class Simulator:
         heapq.heappush(self._ends, (self._now + lasts, command.number))
 
     def receive(self, until_ms: int | None) -> Sequence[Message]:
-        """What came until a time; the clock jumps there, or runs slower than real time by the factor."""
+        """What came until a time; the clock jumps there, or runs slower than real time by the
+        factor.
+        """
         if not self._out:
             self._pass(self._due(until_ms))
         messages, self._out = self._out, []
         return messages
 
     def _due(self, until_ms: int | None) -> int:
-        """The time to which the clock goes: the next end of a command, the limit, or a tick, whichever is first."""
+        """The time to which the clock goes: the next end of a command, the limit, or a tick,
+        whichever is first.
+        """
         times = [self._ends[0][0]] if self._ends else []
         times += [until_ms] if until_ms is not None else []
         times += [self._now + self.tick_ms] if self.tick_ms is not None else []
@@ -277,7 +301,8 @@ def fault_base(problem: Problem) -> FaultModel | None:
 
 
 def simulated_driver(setup: DriverSetup) -> Simulator:
-    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth, obstacles, really.
+    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth,
+    obstacles, really.
 
     Raises `InvalidInput`.
     """
@@ -285,7 +310,13 @@ def simulated_driver(setup: DriverSetup) -> Simulator:
     body, unknown = _obstructions(setup)
     base = fault_base(setup.problem)
     cell = HiddenCell(
-        setup.problem, base, settings.injections, setup.seed, body=body, truth=truth, unknown=unknown
+        setup.problem,
+        base,
+        settings.injections,
+        setup.seed,
+        body=body,
+        truth=truth,
+        unknown=unknown,
     )
     return Simulator(cell, settings)
 
@@ -294,7 +325,8 @@ def _obstructions(setup: DriverSetup) -> "tuple[PhysicalBody | None, UnmodelledT
     """The arm, where something stands that nobody knows of."""
     if not {"obstacles", "really"} & setup.options.keys():
         return None, None
-    from cellwright.engine.pipelines.simulators.obstructed_arm import ObstructedArm  # these need numpy
+    # these need numpy
+    from cellwright.engine.pipelines.simulators.obstructed_arm import ObstructedArm
     from cellwright.engine.pipelines.simulators.unmodelled import unknown_of
 
     unknown = unknown_of(setup.options, setup.problem)
@@ -302,7 +334,9 @@ def _obstructions(setup: DriverSetup) -> "tuple[PhysicalBody | None, UnmodelledT
 
 
 def truth_of(setup: DriverSetup) -> "PartTruth | None":
-    """The hidden truth of the part that a file says; None without such a file. Raises `InvalidInput`."""
+    """The hidden truth of the part that a file says; None without such a file. Raises
+    `InvalidInput`.
+    """
     if "truth" not in setup.options:
         return None
     from cellwright.engine.pipelines.simulators.true_part import read_truth  # it needs numpy

@@ -25,22 +25,25 @@ from cellwright.engine.stages.assembly.relation_equations import (
     solve_relations,
 )
 
-NEARBY_STEPS = (1e-2, 1e-2, 1e-2)  # steps, in sizes of the parts and rad, that are tried away from a solution
+# steps, in sizes of the parts and rad, that are tried away from a solution
+NEARBY_STEPS = (1e-2, 1e-2, 1e-2)
 NEGLIGIBLE_COLUMN = 1e-6
 
 
 def free_motions(system: System, poses: Floats, random: np.random.Generator) -> Floats:
     """A basis (6 k, f) of the motions of solutions around one (n, 4, 4).
 
-    At a singular solution the derivatives promise more than there is. So solutions nearby are looked at, too: freedom is what
-    all of them have. A solution without others nearby has none.
+    At a singular solution the derivatives promise more than there is. So solutions nearby are
+    looked at, too: freedom is what all of them have. A solution without others nearby has none.
     """
     best = free_directions(system.lack(poses[None])[1][0])
     for step in NEARBY_STEPS:
         if not best.shape[1]:
             break
         weights = random.standard_normal(best.shape[1])
-        away = displace_parts(poses[None], (best @ (weights * step / np.linalg.norm(weights)))[None])
+        away = displace_parts(
+            poses[None], (best @ (weights * step / np.linalg.norm(weights)))[None]
+        )
         solutions, lacks = solve_relations(system, away)
         if lacks[0] > EXACT_RESIDUAL * 100:
             continue
@@ -51,7 +54,9 @@ def free_motions(system: System, poses: Floats, random: np.random.Generator) -> 
     return best
 
 
-def part_freedoms(free: Floats, poses: Floats, parts: Sequence[str], size_m: float) -> tuple[Freedom, ...]:
+def part_freedoms(
+    free: Floats, poses: Floats, parts: Sequence[str], size_m: float
+) -> tuple[Freedom, ...]:
     """The ways of each part, from a basis (6 k, f) of all motions. Positions come in metres."""
     freedoms_found: list[Freedom] = []
     for n, part in enumerate(parts):
@@ -107,22 +112,29 @@ def _screw_freedom(part: str, twist: Floats, origin: Floats, size_m: float) -> F
     axis = turn / length
     pitch = float(axis @ shift) / length
     point = origin + np.cross(axis, shift) / length
-    return Freedom(part, axis, point * size_m, 0.0 if abs(pitch) < NEGLIGIBLE_COLUMN else pitch * size_m)
+    return Freedom(
+        part, axis, point * size_m, 0.0 if abs(pitch) < NEGLIGIBLE_COLUMN else pitch * size_m
+    )
 
 
 SOLUTION_STARTS = 32
 MAX_PREFERENCE_STARTS = 4  # solutions from which preferred relations are approached
 HOLDS_TOLERANCE = EXACT_RESIDUAL * 100
-DISTINCT_SOLUTIONS = 1e-6  # by which solutions differ, in sizes of the parts and in entries of rotations
+# by which solutions differ, in sizes of the parts and in entries of rotations
+DISTINCT_SOLUTIONS = 1e-6
 
 
 def assemble_parts(
-    relations: Sequence[Relation], base: str, starts: Mapping[str, Floats] | None = None, seed: int = 0
+    relations: Sequence[Relation],
+    base: str,
+    starts: Mapping[str, Floats] | None = None,
+    seed: int = 0,
 ) -> AssemblyAnswer:
-    """Poses of all parts in the frame of `base` with which the relations hold; else the least that contradicts itself.
+    """Poses of all parts in the frame of `base` with which the relations hold; else the least that
+    contradicts itself.
 
-    What stays free is near to `starts`, poses T_base_part (4, 4) by part, where given. Raises `ValueError` for a relation
-    that does not join its features, or whose features are on one part.
+    What stays free is near to `starts`, poses T_base_part (4, 4) by part, where given. Raises
+    `ValueError` for a relation that does not join its features, or whose features are on one part.
     """
     _refuse_bad_relations(relations)
     hard = tuple(relation for relation in relations if not relation.preferred)
@@ -153,18 +165,31 @@ def _refuse_bad_relations(relations: Sequence[Relation]) -> None:
 
 
 def _relation_system(
-    relations: Sequence[Relation], hard: tuple[Relation, ...], base: str, starts: Mapping[str, Floats]
+    relations: Sequence[Relation],
+    hard: tuple[Relation, ...],
+    base: str,
+    starts: Mapping[str, Floats],
 ) -> System:
     named = [part for relation in relations for part in (relation.first.part, relation.second.part)]
     parts = dict.fromkeys([base, *named, *starts])
-    lengths = [np.abs(end.point).max() for relation in relations for end in (relation.first, relation.second)]
-    lengths += [abs(relation.value) for relation in relations if relation.kind is RelationKind.DISTANCE]
+    lengths = [
+        np.abs(end.point).max()
+        for relation in relations
+        for end in (relation.first, relation.second)
+    ]
+    lengths += [
+        abs(relation.value) for relation in relations if relation.kind is RelationKind.DISTANCE
+    ]
     size = float(max(lengths, default=0.0))
     return System(hard, {part: n for n, part in enumerate(parts)}, size if size > 0 else 1.0)
 
 
-def _start_poses(system: System, starts: Mapping[str, Floats], random: np.random.Generator) -> Floats:
-    """Poses (B, n, 4, 4) in sizes of the parts: first the given ones, then drawn ones that cover the turns."""
+def _start_poses(
+    system: System, starts: Mapping[str, Floats], random: np.random.Generator
+) -> Floats:
+    """Poses (B, n, 4, 4) in sizes of the parts: first the given ones, then drawn ones that
+    cover the turns.
+    """
     count = len(system.numbers)
     poses = np.broadcast_to(np.eye(4), (SOLUTION_STARTS, count, 4, 4)).copy()
     turns = random.standard_normal((SOLUTION_STARTS - 1, count - 1, 4))
@@ -181,7 +206,9 @@ def _start_poses(system: System, starts: Mapping[str, Floats], random: np.random
 
 
 def _of_quaternions(values: Floats) -> Floats:
-    """Rotations (..., 3, 3) of quaternions (..., 4) of any length: evenly spread if these are drawn from a normal law."""
+    """Rotations (..., 3, 3) of quaternions (..., 4) of any length: evenly spread if these are
+    drawn from a normal law.
+    """
     unit = values / np.linalg.norm(values, axis=-1, keepdims=True)
     half = np.arccos(np.clip(unit[..., :1], -1, 1))
     sine = np.sqrt(np.maximum(1 - unit[..., :1] ** 2, 1e-30))
@@ -206,7 +233,9 @@ def _assembly_answer(
 ) -> Assembled:
     poses = chosen[best]
     free = free_motions(system, poses, random)
-    alternatives = [solution for n, solution in enumerate(chosen) if n != best] if not free.shape[1] else []
+    alternatives = (
+        [solution for n, solution in enumerate(chosen) if n != best] if not free.shape[1] else []
+    )
     return Assembled(
         _poses_by_part(system, poses),
         free.shape[1],
@@ -225,8 +254,12 @@ def _poses_by_part(system: System, poses: Floats) -> dict[str, Floats]:
     return poses_by_part
 
 
-def _redundant_relations(system: System, poses: Floats, random: np.random.Generator) -> tuple[Relation, ...]:
-    """Relations that follow from those kept, from the last to the first: all can be left out together."""
+def _redundant_relations(
+    system: System, poses: Floats, random: np.random.Generator
+) -> tuple[Relation, ...]:
+    """Relations that follow from those kept, from the last to the first: all can be left out
+    together.
+    """
     needed = list(system.relations)
     for relation in reversed(system.relations):
         remaining = system.only(
@@ -237,8 +270,12 @@ def _redundant_relations(system: System, poses: Floats, random: np.random.Genera
     return tuple(relation for relation in system.relations if relation not in needed)
 
 
-def _follows_from(remaining: System, tested: System, poses: Floats, random: np.random.Generator) -> bool:
-    """Whether every solution of the others has this relation, too: by freedom at a solution, then by many solutions."""
+def _follows_from(
+    remaining: System, tested: System, poses: Floats, random: np.random.Generator
+) -> bool:
+    """Whether every solution of the others has this relation, too: by freedom at a solution,
+    then by many solutions.
+    """
     both = np.concatenate([remaining.lack(poses[None])[1][0], tested.lack(poses[None])[1][0]])
     alone = free_directions(remaining.lack(poses[None])[1][0])
     if free_directions(both).shape[1] < alone.shape[1]:
@@ -249,7 +286,9 @@ def _follows_from(remaining: System, tested: System, poses: Floats, random: np.r
 
 
 def _find_contradiction(system: System, begin: Floats) -> RelationContradiction:
-    """A contradictory set of the least size: a least set that hits what every agreeing set leaves out (Ignatiev 2015)."""
+    """A contradictory set of the least size: a least set that hits what every agreeing set
+    leaves out (Ignatiev 2015).
+    """
     count = len(system.relations)
     left_out: list[frozenset[int]] = []
     for chosen in _hitting_sets(count, left_out):
@@ -257,7 +296,9 @@ def _find_contradiction(system: System, begin: Floats) -> RelationContradiction:
         solutions, lacks = solve_relations(part, begin, one=True)
         if lacks.min() > HOLDS_TOLERANCE:
             return RelationContradiction(part.relations)
-        left_out.append(_grow_agreeing_set(system, begin, chosen, solutions[lacks <= HOLDS_TOLERANCE]))
+        left_out.append(
+            _grow_agreeing_set(system, begin, chosen, solutions[lacks <= HOLDS_TOLERANCE])
+        )
     return RelationContradiction(system.relations)
 
 

@@ -1,7 +1,7 @@
 """Spatial relations as equations with derivatives, and a solver for the parts' poses.
 
-An equation reads two points and two directions in the base's frame. It gives what it lacks (B, m), and the derivatives of
-that by each of the four vectors (B, m, 3).
+An equation reads two points and two directions in the base's frame. It gives what it lacks (B, m),
+and the derivatives of that by each of the four vectors (B, m, 3).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,14 +11,21 @@ import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import rotation_by_vector, skew
-from cellwright.engine.model.manipulation_values import FeatureKind, PartFeature, Relation, RelationKind
+from cellwright.engine.model.manipulation_values import (
+    FeatureKind,
+    PartFeature,
+    Relation,
+    RelationKind,
+)
 
 PLANE, LINE, POINT = FeatureKind.PLANE, FeatureKind.LINE, FeatureKind.POINT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureEnds:
-    """Two features in the base's frame: points and directions (B, 3) each, and the value of the relation."""
+    """Two features in the base's frame: points and directions (B, 3) each, and the value of the
+    relation.
+    """
 
     p: Floats
     d: Floats
@@ -42,7 +49,9 @@ def _residual(
     value: Floats, p: Floats | None, d: Floats | None, q: Floats | None, e: Floats | None
 ) -> Residual:
     zero = np.zeros((*value.shape, 3))
-    return Residual(value, *(zero if derivative is None else derivative for derivative in (p, d, q, e)))
+    return Residual(
+        value, *(zero if derivative is None else derivative for derivative in (p, d, q, e))
+    )
 
 
 def _identity_like(like: Floats) -> Floats:
@@ -72,7 +81,10 @@ def _cosine_residual(x: FeatureEnds, cosine: float) -> Residual:
 
 
 def _at_angle(x: FeatureEnds) -> Residual:
-    """The directions are at an angle. At 0 and half a turn its cosine says too little, so the directions are compared."""
+    """The directions are at an angle.
+
+    At 0 and half a turn its cosine says too little, so the directions are compared.
+    """
     if np.sin(x.value) ** 2 < 1e-12:
         return _same_direction(x) if np.cos(x.value) > 0 else _opposite_direction(x)
     return _cosine_residual(x, float(np.cos(x.value)))
@@ -123,7 +135,9 @@ def _off_line(x: FeatureEnds) -> Residual:
         return _on_line(x)
     along = np.einsum("bi,bi->b", x.p - x.q, x.e)[:, None]
     unit, length = _unit_vectors(x.p - x.q - along * x.e)
-    return _residual(length - x.value, unit[:, None], None, -unit[:, None], -along[:, None] * unit[:, None])
+    return _residual(
+        length - x.value, unit[:, None], None, -unit[:, None], -along[:, None] * unit[:, None]
+    )
 
 
 def _unit_vectors(vector: Floats) -> tuple[Floats, Floats]:
@@ -160,11 +174,17 @@ RELATION_EQUATIONS: dict[tuple[RelationKind, FeatureKind, FeatureKind], tuple[Eq
     (K.ANGLE, LINE, LINE): (_at_angle,),
     (K.ANGLE, LINE, PLANE): (_angle_to_plane,),
 }
-"""What holds between two features, by the kind of the relation and of the features. Either feature may come first."""
+"""What holds between two features, by the kind of the relation and of the features.
+
+Either feature may come first.
+"""
 
 
 def features_in_table_order(relation: Relation) -> tuple[PartFeature, PartFeature]:
-    """The features of a relation in the order of the table. Raises `ValueError` for features that it does not join."""
+    """The features of a relation in the order of the table.
+
+    Raises `ValueError` for features that it does not join.
+    """
     for earlier, later in ((relation.first, relation.second), (relation.second, relation.first)):
         if (relation.kind, earlier.kind, later.kind) in RELATION_EQUATIONS:
             return earlier, later
@@ -175,17 +195,21 @@ def features_in_table_order(relation: Relation) -> tuple[PartFeature, PartFeatur
 def relation_residual(
     relation: Relation, poses: Floats, at: tuple[int, int], size_m: float
 ) -> tuple[Floats, Floats]:
-    """What a relation lacks (B, m), and its derivatives (B, m, 6 n), for poses (B, n, 4, 4) of n parts.
+    """What a relation lacks (B, m), and its derivatives (B, m, 6 n), for poses (B, n, 4, 4) of n
+    parts.
 
-    Parts number `at` have the features, in the order of `in_order`. Lengths count in `size_m`. Derivatives are by a
-    displacement (3) and a turn (3) of each part about its own origin, along the axes of the base.
+    Parts number `at` have the features, in the order of `in_order`. Lengths count in `size_m`.
+    Derivatives are by a displacement (3) and a turn (3) of each part about its own origin, along
+    the axes of the base.
     """
     first, second = features_in_table_order(relation)
     p, d, arm_p = _place_feature(first, poses[:, at[0]], size_m)
     q, e, arm_q = _place_feature(second, poses[:, at[1]], size_m)
     value = relation.value / size_m if relation.kind is RelationKind.DISTANCE else relation.value
     ends = FeatureEnds(p, d, q, e, value)
-    lacks = [equation(ends) for equation in RELATION_EQUATIONS[relation.kind, first.kind, second.kind]]
+    lacks = [
+        equation(ends) for equation in RELATION_EQUATIONS[relation.kind, first.kind, second.kind]
+    ]
     rows = np.concatenate([lack.value for lack in lacks], axis=1)
     by = np.zeros((*rows.shape, 6 * poses.shape[1]))
     for n, by_point, by_direction, arm, direction in (
@@ -198,8 +222,12 @@ def relation_residual(
     return rows, by
 
 
-def _place_feature(feature: PartFeature, poses: Floats, size_m: float) -> tuple[Floats, Floats, Floats]:
-    """Points and directions of a feature in the base's frame, and the way from the part's origin (B, 3 each)."""
+def _place_feature(
+    feature: PartFeature, poses: Floats, size_m: float
+) -> tuple[Floats, Floats, Floats]:
+    """Points and directions of a feature in the base's frame, and the way from the part's
+    origin (B, 3 each).
+    """
     R = poses[:, :3, :3]
     arm = R @ feature.point / size_m
     return arm + poses[:, :3, 3], R @ feature.direction, arm
@@ -213,7 +241,10 @@ RANK_TOLERANCE = 1e-7  # of the largest singular value: what is less is nothing
 
 @dataclass(frozen=True, slots=True, eq=False)
 class System:
-    """Relations between numbered parts, of which the first is the base and stands still. `size_m` is the unit of lengths."""
+    """Relations between numbered parts, of which the first is the base and stands still.
+
+    `size_m` is the unit of lengths.
+    """
 
     relations: tuple[Relation, ...]
     numbers: Mapping[str, int]
@@ -224,10 +255,17 @@ class System:
         return System(tuple(relations), self.numbers, self.size_m)
 
     def lack(self, poses: Floats) -> tuple[Floats, Floats]:
-        """What all relations lack (B, m), and its derivatives (B, m, 6 k) by the k parts that move."""
-        values, derivatives = [np.zeros((len(poses), 0))], [np.zeros((len(poses), 0, 6 * poses.shape[1]))]
+        """What all relations lack (B, m), and its derivatives (B, m, 6 k) by the k parts that
+        move.
+        """
+        values, derivatives = (
+            [np.zeros((len(poses), 0))],
+            [np.zeros((len(poses), 0, 6 * poses.shape[1]))],
+        )
         for relation in self.relations:
-            first, second = (self.numbers[feature.part] for feature in features_in_table_order(relation))
+            first, second = (
+                self.numbers[feature.part] for feature in features_in_table_order(relation)
+            )
             value, by = relation_residual(relation, poses, (first, second), self.size_m)
             values.append(value)
             derivatives.append(by)
@@ -244,7 +282,8 @@ def displace_parts(poses: Floats, steps: Floats) -> Floats:
 
 
 def solve_relations(system: System, starts: Floats, one: bool = False) -> tuple[Floats, Floats]:
-    """Poses (B, n, 4, 4) from starts of the same shape, and what the worst equation lacks at each (B,).
+    """Poses (B, n, 4, 4) from starts of the same shape, and what the worst equation lacks at each
+    (B,).
 
     With `one` it ends at the first solution.
     """
@@ -267,7 +306,10 @@ def solve_relations(system: System, starts: Floats, one: bool = False) -> tuple[
         better = np.einsum("bm,bm->b", new, new) < square
         scale = np.clip(np.where(better, scale / 4, scale * 4), 1e-8, 1e12)
         poses = np.where(better[:, None, None, None], tried, poses)
-        value, by = np.where(better[:, None], new, value), np.where(better[:, None, None], new_by, by)
+        value, by = (
+            np.where(better[:, None], new, value),
+            np.where(better[:, None, None], new_by, by),
+        )
     poses = _polish_poses(system, poses)
     return poses, np.abs(system.lack(poses)[0]).max(axis=1)
 
@@ -276,7 +318,9 @@ def _damped_step(value: Floats, by: Floats, damping: Floats) -> Floats:
     """Steps (B, 6 k) that lessen the lack."""
     transposed = np.swapaxes(by, 1, 2)
     normal = transposed @ by + (damping + 1e-15)[:, None, None] * np.eye(by.shape[2])
-    step: Floats = -np.asarray(np.linalg.solve(normal, transposed @ value[..., None]), dtype=float)[..., 0]
+    step: Floats = -np.asarray(np.linalg.solve(normal, transposed @ value[..., None]), dtype=float)[
+        ..., 0
+    ]
     return step
 
 
@@ -302,8 +346,12 @@ def free_directions(by: Floats) -> Floats:
     return directions
 
 
-def approach_preferred(system: System, preferred: System, poses: Floats, rounds: int = 60) -> Floats:
-    """Poses (n, 4, 4) that stay solutions and come as near to the preferred relations as the first ones allow."""
+def approach_preferred(
+    system: System, preferred: System, poses: Floats, rounds: int = 60
+) -> Floats:
+    """Poses (n, 4, 4) that stay solutions and come as near to the preferred relations as the
+    first ones allow.
+    """
     best, least = poses, _squared_lack(preferred, poses)
     for _ in range(rounds):
         free = free_directions(system.lack(best[None])[1][0])
@@ -321,9 +369,13 @@ def approach_preferred(system: System, preferred: System, poses: Floats, rounds:
 def _halve_step(
     system: System, preferred: System, poses: Floats, step: Floats, least: float
 ) -> Floats | None:
-    """The solution after a step, or after a half, a quarter and so on, that lacks less; None if none does."""
+    """The solution after a step, or after a half, a quarter and so on, that lacks less; None if
+    none does.
+    """
     for half in range(12):
-        solutions, lacks = solve_relations(system, displace_parts(poses[None], (step / 2**half)[None]))
+        solutions, lacks = solve_relations(
+            system, displace_parts(poses[None], (step / 2**half)[None])
+        )
         if lacks[0] < EXACT_RESIDUAL * 100 and _squared_lack(preferred, solutions[0]) < least:
             best: Floats = solutions[0]
             return best

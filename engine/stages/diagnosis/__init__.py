@@ -1,1 +1,3 @@
-"""The exception handler: which test comes next, which cause explains the exception, and which repair helps."""
+"""The exception handler: which test comes next, which cause explains the exception, and which
+repair helps.
+"""

@@ -32,7 +32,9 @@ MAX_TABLE_STATES = 8_000_000
 
 
 class Searcher(Protocol):
-    """Values of states, remembered between questions; `rest` is the second word of the key of a state."""
+    """Values of states, remembered between questions; `rest` is the second word of the key of a
+    state.
+    """
 
     @property
     def beliefs(self) -> Beliefs:
@@ -44,8 +46,12 @@ class Searcher(Protocol):
         """Expansions so far."""
         ...
 
-    def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
-        """The value of a state if it is below `limit` and the budget suffices; else a lower bound and False."""
+    def value(
+        self, weights: Floats, rest: int, limit: float, expansions: int
+    ) -> tuple[float, bool]:
+        """The value of a state if it is below `limit` and the budget suffices; else a lower
+        bound and False.
+        """
         ...
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:
@@ -61,7 +67,9 @@ def cost_of_beginning(
     The result has the form of `Searcher.value`.
     """
     problem = search.beliefs
-    total = float(problem.costs[search_arrays.situation_in_key(problem, rest), action] * weights.sum())
+    total = float(
+        problem.costs[search_arrays.situation_in_key(problem, rest), action] * weights.sum()
+    )
     for outcome in range(problem.outcomes):
         after = weights * problem.likelihoods[action, outcome]
         if problem.ends[action, outcome] or not after.any():
@@ -76,7 +84,9 @@ def cost_of_beginning(
 
 @dataclass
 class BranchAndBound:
-    """Depth-first search with bounds: over sets of causes if there is a `partition`, else over weights."""
+    """Depth-first search with bounds: over sets of causes if there is a `partition`, else over
+    weights.
+    """
 
     beliefs: Beliefs
     partition: Partition | None
@@ -88,7 +98,9 @@ class BranchAndBound:
         width = self.beliefs.words if self.partition is None else self.partition.sets + 1
         self.table = Memo(self.length, 0, width)
 
-    def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
+    def value(
+        self, weights: Floats, rest: int, limit: float, expansions: int
+    ) -> tuple[float, bool]:
         """See `Searcher.value`."""
         last = self.spent + expansions
         while True:
@@ -147,12 +159,19 @@ class ValueTable:
         """The work done, in expansions."""
         return 0 if self.values is None else self.values.size // TABLE_STATE_COST
 
-    def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
-        """See `Searcher.value`. The budget is ignored here: it was checked when this search was chosen."""
+    def value(
+        self, weights: Floats, rest: int, limit: float, expansions: int
+    ) -> tuple[float, bool]:
+        """See `Searcher.value`.
+
+        The budget is ignored here: it was checked when this search was chosen.
+        """
         del expansions
         if self.values is None:
             radix = np.array(self.radix, dtype=np.int64)
-            table = dense.values(self.beliefs, search_arrays.prior_weights(self.problem), radix, self.poll)
+            table = dense.values(
+                self.beliefs, search_arrays.prior_weights(self.problem), radix, self.poll
+            )
             if self.poll.check():
                 return float(np.where(weights > 0.0, self.beliefs.known, 0.0) @ weights), False
             self.values = table
@@ -179,27 +198,39 @@ class ValueTable:
         width = int(self.beliefs.widths[action])
         if width:
             return (rest >> int(self.beliefs.shifts[action])) & ((1 << width) - 1)
-        sure = self.beliefs.likelihoods[action][:, weights > 0.0].all(axis=1) & ~self.beliefs.ends[action]
+        sure = (
+            self.beliefs.likelihoods[action][:, weights > 0.0].all(axis=1)
+            & ~self.beliefs.ends[action]
+        )
         return int(np.argmax(sure)) + 1 if sure.any() else 0
 
 
-def make_searcher(problem: Troubleshooting, beliefs: Beliefs, expansions: int, poll: Poll) -> Searcher:
+def make_searcher(
+    problem: Troubleshooting, beliefs: Beliefs, expansions: int, poll: Poll
+) -> Searcher:
     """The search that suits a problem. It knows no values yet."""
     sets = search_arrays.cause_set_arrays(problem, beliefs)
     states = math.prod(len(action.outcomes) + 1 for action in problem.actions) * len(beliefs.costs)
     open_ended = 2 * sum(not action.certain for action in problem.actions) >= len(problem.actions)
-    if sets is None and open_ended and states <= min(MAX_TABLE_STATES, TABLE_STATE_COST * expansions):
+    if (
+        sets is None
+        and open_ended
+        and states <= min(MAX_TABLE_STATES, TABLE_STATE_COST * expansions)
+    ):
         return ValueTable(beliefs, problem, poll)
     return BranchAndBound(beliefs, sets, poll)
 
 
 MAX_EXPANSIONS_PER_CALL = 200_000
-EXPANSION_NS = 4.0  # about nanoseconds of an expansion for each pair of actions and outcomes of each
-SMALL, SHARE = 19_000.0, 3e8  # nanoseconds of an expansion that is cheap, and that a search may always take
+# about nanoseconds of an expansion for each pair of actions and outcomes of each
+EXPANSION_NS = 4.0
+# nanoseconds of an expansion that is cheap, and that a search may always take
+SMALL, SHARE = 19_000.0, 3e8
 MAX_LEAVES = 10_000  # with at most this many leaves, the rollout looks a third step ahead
 MAX_OUTCOMES = 42  # with at most this many outcomes of actions, the rollout tries all of them
 ROLLOUT_NS = 3e8  # about nanoseconds of one core that a rollout may take
-CERTAIN, UNCERTAIN = 0.2, 10.0  # about nanoseconds that a rule takes for each cause and outcome of an action
+# about nanoseconds that a rule takes for each cause and outcome of an action
+CERTAIN, UNCERTAIN = 0.2, 10.0
 BASE_RULES = rollout.RULES
 COST_TIE = 1e-9
 
@@ -208,9 +239,9 @@ COST_TIE = 1e-9
 class ActionSelector:
     """Chooses actions for one problem.
 
-    `expansions` limits the exact search for each question; 0 means no exact search. If it is None, the
-    number suits the size of what is left of the problem, so that the first advice takes about a second.
-    When `interrupted` returns True, every question gets the best answer so far.
+    `expansions` limits the exact search for each question; 0 means no exact search. If it is None,
+    the number suits the size of what is left of the problem, so that the first advice takes about a
+    second. When `interrupted` returns True, every question gets the best answer so far.
     """
 
     problem: Troubleshooting
@@ -227,8 +258,12 @@ class ActionSelector:
         self._followed: dict[int, Memo] = {}
 
     def start(self, situation: int = 0) -> CaseStanding:
-        """The state at the beginning: each cause with a positive prior is possible, and nothing was seen."""
-        return CaseStanding(possible_causes(search_arrays.prior_weights(self.problem)), 0, situation)
+        """The state at the beginning: each cause with a positive prior is possible, and nothing
+        was seen.
+        """
+        return CaseStanding(
+            possible_causes(search_arrays.prior_weights(self.problem)), 0, situation
+        )
 
     def advise(self, standing: CaseStanding) -> CaseAdvice:
         """What to do next. Raises `ValueError` if no cause is possible."""
@@ -251,10 +286,14 @@ class ActionSelector:
     def compare(
         self, standing: CaseStanding, actions: tuple[int, ...]
     ) -> tuple[tuple[int, float, bool], ...]:
-        """For each action, the expected cost of beginning with it, and whether it is exact or a lower bound."""
+        """For each action, the expected cost of beginning with it, and whether it is exact or a
+        lower bound.
+        """
         weights, rest = self._state(standing)
         budget = self._budget(weights, rest)
-        compared = [(a, *cost_of_beginning(self.exact, a, weights, rest, math.inf, budget)) for a in actions]
+        compared = [
+            (a, *cost_of_beginning(self.exact, a, weights, rest, math.inf, budget)) for a in actions
+        ]
         return tuple((a, value / float(weights.sum()), exact) for a, value, exact in compared)
 
     def weights(self, standing: CaseStanding) -> Floats:
@@ -262,14 +301,19 @@ class ActionSelector:
         return self._state(standing)[0]
 
     def observe(self, standing: CaseStanding, action: int, outcome: int) -> CaseStanding:
-        """The state of the case after an outcome. `possible` is 0 if no cause explains the outcome."""
+        """The state of the case after an outcome.
+
+        `possible` is 0 if no cause explains the outcome.
+        """
         weights, rest = self._state(standing)
         problem = self.exact.beliefs
         after = weights * problem.likelihoods[action, outcome]
         return self._standing(after, search_arrays.rest_after(problem, action, outcome, rest))
 
     def tree(
-        self, standing: CaseStanding | None = None, choose: Callable[[CaseStanding], CaseAdvice] | None = None
+        self,
+        standing: CaseStanding | None = None,
+        choose: Callable[[CaseStanding], CaseAdvice] | None = None,
     ) -> Tree:
         """The tree of all that may follow, with the advice of this selector or of `choose`."""
         first = self.start() if standing is None else standing
@@ -287,7 +331,9 @@ class ActionSelector:
                 1.0 + COST_TIE
             )  # `cost` may come from another way
             conclusion = self._conclusion(weights) if stops else None
-            return CaseAdvice(None if stops else action, conclusion, cost / float(weights.sum()), 0.0, False)
+            return CaseAdvice(
+                None if stops else action, conclusion, cost / float(weights.sum()), 0.0, False
+            )
 
         return choose
 
@@ -310,12 +356,16 @@ class ActionSelector:
             if problem.ends[action, outcome]:
                 branches.append((outcome, Conclude(float(after.sum()) / root, None)))
             else:
-                branches.append((outcome, self._grow(self.observe(standing, action, outcome), choose, root)))
+                branches.append(
+                    (outcome, self._grow(self.observe(standing, action, outcome), choose, root))
+                )
         cost = float(problem.costs[standing.situation, action])
         return Try(total / root, action, cost, tuple(branches))
 
     def _first_best(self, weights: Floats, rest: int, value: float) -> int | None:
-        """The first declared action that is optimal; None to stop. Stopping comes before every action."""
+        """The first declared action that is optimal; None to stop. Stopping comes before every
+        action.
+        """
         limit = value * (1.0 + COST_TIE) + 1e-15
         if self._stopping(weights) <= limit:
             return None
@@ -328,7 +378,9 @@ class ActionSelector:
         raise AssertionError("no action has the optimal value")
 
     def _rollout(self, weights: Floats, rest: int) -> tuple[int | None, float]:
-        """The first action by a lookahead over rules, and a cost that is not exceeded by going on like this."""
+        """The first action by a lookahead over rules, and a cost that is not exceeded by going
+        on like this.
+        """
         steps = self._reach(weights, rest)
         while True:
             for base in self._bases:
@@ -351,14 +403,16 @@ class ActionSelector:
         stopping, cost = self._stopping(weights), rollout.at_most(beliefs, self.groups, trail, 0)
         floor = float(np.where(weights > 0.0, beliefs.known, 0.0) @ weights)
         if action < 0 or stopping <= cost:
-            return CaseAdvice(None, self._conclusion(weights), stopping / total, floor / total, False)
+            return CaseAdvice(
+                None, self._conclusion(weights), stopping / total, floor / total, False
+            )
         return CaseAdvice(action, None, cost / total, floor / total, False)
 
     def _budget(self, weights: Floats, rest: int) -> int:
         """The expansions that suit what is left of the problem.
 
-        Up to the size of 30 causes and 30 tests a search often ends within the default number. Beyond, the
-        states grow with the size as well as the work on each of them.
+        Up to the size of 30 causes and 30 tests a search often ends within the default number.
+        Beyond, the states grow with the size as well as the work on each of them.
         """
         if self.expansions is not None:
             return self.expansions
@@ -372,13 +426,20 @@ class ActionSelector:
         )
         if beliefs.widths.any():
             taken *= 1 + np.count_nonzero(weights) / 16
-        most = max(MAX_EXPANSIONS_PER_CALL * min(1.0, SMALL / max(taken, 1.0)) ** 2, SHARE / max(taken, 1.0))
+        most = max(
+            MAX_EXPANSIONS_PER_CALL * min(1.0, SMALL / max(taken, 1.0)) ** 2,
+            SHARE / max(taken, 1.0),
+        )
         return min(MAX_EXPANSIONS_PER_CALL, int(most))
 
     def _reach(self, weights: Floats, rest: int) -> int:
         """Set how far the policies of the rollout go. Returns the steps of the lookahead."""
         beliefs, telling = self.exact.beliefs, self._telling(weights, rest)
-        causes, actions, outcomes = np.count_nonzero(weights), max(1, len(telling)), beliefs.outcomes
+        causes, actions, outcomes = (
+            np.count_nonzero(weights),
+            max(1, len(telling)),
+            beliefs.outcomes,
+        )
         open_ended = int(np.count_nonzero(beliefs.widths[telling]))
         if actions * outcomes <= MAX_OUTCOMES:
             self.groups.limit(len(self.problem.actions), 0.0)
@@ -386,7 +447,9 @@ class ActionSelector:
         node = len(BASE_RULES) * causes * outcomes * (CERTAIN * actions + UNCERTAIN * open_ended)
         nodes = max(min(causes, 8.0 * math.log2(causes + 1.0)), 2.0 ** min(60, open_ended))
         least = (
-            0.0 if node * nodes <= ROLLOUT_NS else float(weights.sum()) * min(0.25, 8.0 * node / ROLLOUT_NS)
+            0.0
+            if node * nodes <= ROLLOUT_NS
+            else float(weights.sum()) * min(0.25, 8.0 * node / ROLLOUT_NS)
         )
         leaves = max(1.0, ROLLOUT_NS / (node * nodes))
         width = int(math.sqrt(4.0 * leaves) / outcomes)
@@ -420,7 +483,9 @@ class ActionSelector:
     def _memo(self) -> Memo:
         return Memo(1 << 12, 0, self.exact.beliefs.words)
 
-    def _others(self, weights: Floats, rest: int, chosen: int | None) -> tuple[tuple[int, float], ...]:
+    def _others(
+        self, weights: Floats, rest: int, chosen: int | None
+    ) -> tuple[tuple[int, float], ...]:
         total = float(weights.sum())
         telling = [action for action in self._telling(weights, rest) if action != chosen]
         costs = [

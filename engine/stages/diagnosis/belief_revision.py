@@ -12,7 +12,9 @@ Binding = Mapping[Variable, Term]
 
 
 def binding_of(model: FaultModel, exception: str, step: Function | None) -> Binding:
-    """The values that the interrupted step gives to the exception's variables; empty for another operator."""
+    """The values that the interrupted step gives to the exception's variables; empty for
+    another operator.
+    """
     pattern = model.exceptions[exception].operator
     if pattern is None or step is None or pattern.name != step.name:
         return {}
@@ -39,7 +41,11 @@ def world_revision(
 
     Assertions that were doubted without reason are restored.
     """
-    causes = list(diagnosis.hypotheses[0][0].causes) if diagnosis.isolated and diagnosis.hypotheses else []
+    causes = (
+        list(diagnosis.hypotheses[0][0].causes)
+        if diagnosis.isolated and diagnosis.hypotheses
+        else []
+    )
     withdrawn: dict[Atom, str] = {}
     asserted: dict[Atom, str] = {}
     lost: list[str] = []
@@ -50,7 +56,9 @@ def world_revision(
         lost += [str(substitute_term(term, binding)) for term in entry.loses]
     if repaired is not None:
         repair = model.repairs[repaired]
-        withdrawn |= {atom: f"{repaired}: {repair.say}" for atom in bind_atoms(repair.denies, binding)}
+        withdrawn |= {
+            atom: f"{repaired}: {repair.say}" for atom in bind_atoms(repair.denies, binding)
+        }
         for atom in bind_atoms(repair.adds, binding):
             withdrawn.pop(atom, None)
             asserted[atom] = f"{repaired}: {repair.say}"
@@ -68,22 +76,33 @@ def world_revision(
         for atom in bind_atoms(model.causes[cause].doubts, binding)
         if atom not in withdrawn and not _is_doubted(model, possible, atom, binding)
     }
-    return Revision(tuple(withdrawn.items()), tuple(asserted.items()), tuple(restored.items()), tuple(lost))
+    return Revision(
+        tuple(withdrawn.items()), tuple(asserted.items()), tuple(restored.items()), tuple(lost)
+    )
 
 
 def presupposed_facts(
     domain: Domain, model: FaultModel, exception: str, binding: Binding
 ) -> tuple[Atom, ...]:
-    """The facts that the precondition of the interrupted operator names, with what is known of its arguments."""
+    """The facts that the precondition of the interrupted operator names, with what is known of
+    its arguments.
+    """
     header = model.exceptions[exception].operator
     operator = next(
-        (interrupted for interrupted in domain.operators if header and interrupted.name == header.name), None
+        (
+            interrupted
+            for interrupted in domain.operators
+            if header and interrupted.name == header.name
+        ),
+        None,
     )
     if operator is None or header is None:
         return ()
     names = dict(zip(operator.variables, header.arguments, strict=True))
     parts = (
-        part for part in goal_parts(operator.precondition) if isinstance(part, Literal) and part.positive
+        part
+        for part in goal_parts(operator.precondition)
+        if isinstance(part, Literal) and part.positive
     )
     return bind_atoms((substitute_atom(part.atom, names) for part in parts), binding)
 

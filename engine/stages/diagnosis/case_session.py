@@ -1,7 +1,7 @@
 """One case from exception to end: tests update the belief; several faults at once are found.
 
-Minimal diagnoses, most probable first (Reiter 1987; de Kleer & Williams 1987). clingo finds the sets; exact
-probabilities decide their order.
+Minimal diagnoses, most probable first (Reiter 1987; de Kleer & Williams 1987). clingo finds the
+sets; exact probabilities decide their order.
 """
 
 import math
@@ -69,7 +69,8 @@ def explain_observations(
 ) -> list[tuple[CaseHypothesis, float]]:
     """The minimal sets of causes and wrong observations that explain what was seen.
 
-    If `interrupted`, there are fewer, but always the most probable one. Each has its probability; these sum to 1. The most probable set comes first.
+    If `interrupted`, there are fewer, but always the most probable one. Each has its probability;
+    these sum to 1. The most probable set comes first.
     """
     seen = [observation for observation in observations if observation.action in model.tests]
     failed = [
@@ -78,9 +79,15 @@ def explain_observations(
         if observation.action in model.repairs
     ]
     program = "\n".join(
-        [_EXPLANATION_RULES, *_observation_facts(model, priors, seen), *_failure_facts(failed, priors)]
+        [
+            _EXPLANATION_RULES,
+            *_observation_facts(model, priors, seen),
+            *_failure_facts(failed, priors),
+        ]
     )
-    hypotheses = [_hypothesis_of(atoms) for _, atoms in best_models(program, "chosen", most, (), interrupted)]
+    hypotheses = [
+        _hypothesis_of(atoms) for _, atoms in best_models(program, "chosen", most, (), interrupted)
+    ]
     weights = [
         _joint_probability(model, priors, seen, hypothesis)
         * math.prod(1.0 - cure_chance(repair, hypothesis) for repair in failed)
@@ -94,10 +101,15 @@ def explain_observations(
 def _observation_facts(
     model: FaultModel, priors: Mapping[str, float], seen: Sequence[Observation]
 ) -> list[str]:
-    facts = [f"cause({cause}). cause_weight({cause}, {_log_cost(prior)})." for cause, prior in priors.items()]
+    facts = [
+        f"cause({cause}). cause_weight({cause}, {_log_cost(prior)})."
+        for cause, prior in priors.items()
+    ]
     for observation in seen:
         test = model.tests[observation.action]
-        facts.append(f"observed({test.name}, {observation.outcome}). usual({test.name}, {test.otherwise}).")
+        facts.append(
+            f"observed({test.name}, {observation.outcome}). usual({test.name}, {test.otherwise})."
+        )
         facts.append(f"lie_weight({test.name}, {_log_cost(model.lies)}).")
         for cause in priors:
             if test.likelihood(observation.outcome, cause) > 0.0:
@@ -129,10 +141,15 @@ def _hypothesis_of(atoms: Sequence[Function]) -> CaseHypothesis:
 
 
 def _joint_probability(
-    model: FaultModel, priors: Mapping[str, float], seen: Sequence[Observation], hypothesis: CaseHypothesis
+    model: FaultModel,
+    priors: Mapping[str, float],
+    seen: Sequence[Observation],
+    hypothesis: CaseHypothesis,
 ) -> float:
     """The probability of a hypothesis together with what was seen, up to a factor."""
-    weight = math.prod(priors[cause] for cause in hypothesis.causes) * model.lies ** len(hypothesis.lies)
+    weight = math.prod(priors[cause] for cause in hypothesis.causes) * model.lies ** len(
+        hypothesis.lies
+    )
     for observation in seen:
         test: FaultTest = model.tests[observation.action]
         weight *= outcome_likelihood(test, observation.outcome, hypothesis)
@@ -148,7 +165,9 @@ class CaseExecutor(Protocol):
     """Who carries out tests and repairs in a world, so that what they change there is known."""
 
     def prepare(self, session: "CaseSession", action: str) -> PreparationSteps | None:
-        """What must be done before a test or repair as things stand now; None if that cannot be brought about."""
+        """What must be done before a test or repair as things stand now; None if that cannot be
+        brought about.
+        """
 
     def carried_out(self, action: str, outcome: str, prepared: PreparationSteps) -> None:
         """A test or repair was done, after what prepared it, and had this outcome."""
@@ -190,7 +209,11 @@ class CaseSession:
         """
         weights = self.selector.weights(self.standing) if self.ended is None else self.ended
         total = float(weights.sum())
-        pairs = [(h, float(w) / total) for h, w in zip(self.case.hypotheses, weights, strict=True) if w > 0.0]
+        pairs = [
+            (h, float(w) / total)
+            for h, w in zip(self.case.hypotheses, weights, strict=True)
+            if w > 0.0
+        ]
         return tuple(sorted(pairs, key=lambda pair: -pair[1]))
 
     def advice(self) -> CaseAdvice:
@@ -222,7 +245,9 @@ class CaseSession:
             self._widen(after.situation)
 
     def prepare(self, action: int) -> bool:
-        """Find out what must be done before an action; an action that cannot be prepared any more is left out."""
+        """Find out what must be done before an action; an action that cannot be prepared any
+        more is left out.
+        """
         if self.hands is None:
             return True
         name = self.case.problem.actions[action].name
@@ -237,10 +262,16 @@ class CaseSession:
         belief = self.belief()
         self._go_on(tuple(h for h, _ in belief), [p for _, p in belief], self.standing.situation)
 
-    def _go_on(self, hypotheses: tuple[CaseHypothesis, ...], weights: list[float], situation: int) -> None:
-        """Go on with other hypotheses or other actions; what was done or left out is not asked again."""
+    def _go_on(
+        self, hypotheses: tuple[CaseHypothesis, ...], weights: list[float], situation: int
+    ) -> None:
+        """Go on with other hypotheses or other actions; what was done or left out is not asked
+        again.
+        """
         done = [*(stage.observed.action for stage in self.stages), *self.left_out]
-        case = case_of(self.model, self.exception, hypotheses, weights, self.objective, self.setup, done)
+        case = case_of(
+            self.model, self.exception, hypotheses, weights, self.objective, self.setup, done
+        )
         self._take(case, situation if case.problem.setup else 0)
 
     def _widen(self, situation: int) -> None:
@@ -254,7 +285,10 @@ class CaseSession:
         self._go_on(tuple(h for h, _ in wider), [weight for _, weight in wider], situation)
 
     def reply(self, answer: str) -> None:
-        """Take in a person's answer to the question of `diagnosis`. It is an observation like any other."""
+        """Take in a person's answer to the question of `diagnosis`.
+
+        It is an observation like any other.
+        """
         belief = self.belief()
         before = tuple((str(h), p) for h, p in belief)
         cost = float(self.model.stop)
@@ -272,7 +306,9 @@ class CaseSession:
         cost = sum(stage.cost for stage in self.stages)
         isolated = len({h.causes for h, _ in belief}) == 1
         repairs = () if self.cured else self._repairs(belief)
-        question = None if self.cured or repairs or self._answered(belief) else self._question(belief)
+        question = (
+            None if self.cured or repairs or self._answered(belief) else self._question(belief)
+        )
         stages = tuple(self.stages)
         finished = isolated or self.ended is not None or self.advice().action is None
         return CaseDiagnosis(
@@ -280,7 +316,10 @@ class CaseSession:
         )
 
     def _repairs(self, belief: tuple[tuple[CaseHypothesis, float], ...]) -> tuple[str, ...]:
-        """Repairs that may help and were neither tried in vain nor left out. The most likely to cure come first, then the cheapest."""
+        """Repairs that may help and were neither tried in vain nor left out.
+
+        The most likely to cure come first, then the cheapest.
+        """
         past = {*(stage.observed.action for stage in self.stages), *self.left_out}
         causes = [(cause, p) for h, p in belief for cause in h.causes]
         if any(self.model.causes[cause].stops for cause, _ in causes[:1]):
@@ -291,11 +330,15 @@ class CaseSession:
         }
         serving = [name for name, chance in served.items() if chance > 0.0 and name not in past]
         return tuple(
-            sorted(serving, key=lambda name: (-round(served[name], 9), self.model.repairs[name].cost))
+            sorted(
+                serving, key=lambda name: (-round(served[name], 9), self.model.repairs[name].cost)
+            )
         )
 
     def _answered(self, belief: tuple[tuple[CaseHypothesis, float], ...]) -> bool:
-        """Whether a person has answered already what is the matter, or whether it has been put right."""
+        """Whether a person has answered already what is the matter, or whether it has been put
+        right.
+        """
         last = self.stages[-1].observed if self.stages else Observation("", "")
         return last.action == QUESTION and (len(belief) > 1 or last.outcome == "no")
 
@@ -314,7 +357,9 @@ def run_session(session: CaseSession, answer: Answerer) -> CaseDiagnosis:
         pass
     diagnosis = session.diagnosis()
     while diagnosis.question is not None:
-        said = answer(_question_action(session, diagnosis.question), CaseAdvice(None, None, 0.0, 0.0, True))
+        said = answer(
+            _question_action(session, diagnosis.question), CaseAdvice(None, None, 0.0, 0.0, True)
+        )
         if said not in diagnosis.question.answers:
             break
         session.reply(str(said))

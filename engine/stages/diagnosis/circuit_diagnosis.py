@@ -88,7 +88,9 @@ v(G) :- out(G), not f(G).
 v(G) :- f(G), not out(G).
 faulty(g(G)) :- f(G).
 :~ f(G). [1, G]
-"""  # f(G): gate G is faulty. v(W): wire W is 1. raw(G): the function of G gives 1, before it is inverted (out)
+# f(G): gate G is faulty. v(W): wire W is 1. raw(G): the function of G gives 1, before it is
+# inverted (out)
+"""
 
 SOLVER_OPTIONS = ("--opt-strategy=usc,oll,disjoint", "--configuration=jumpy", "--sat-prepro=2")
 
@@ -104,20 +106,25 @@ class CircuitDiagnosis:
 def diagnose_circuit(
     circuit: Circuit, given: Mapping[str, bool], seen: Mapping[str, bool]
 ) -> CircuitDiagnosis | None:
-    """The smallest explanation of outputs `seen` for inputs `given`; None if no set of gates explains them."""
+    """The smallest explanation of outputs `seen` for inputs `given`; None if no set of gates
+    explains them.
+    """
     candidates = top_level(circuit)
     text = diagnosis_program(circuit, given, seen, candidates)
     for _, atoms in best_models(text, "faulty", 1, SOLVER_OPTIONS):
         order = [*circuit.inputs, *circuit.gates]
-        return CircuitDiagnosis(tuple(order[int(str(atom.arguments[0]))] for atom in atoms), len(candidates))
+        return CircuitDiagnosis(
+            tuple(order[int(str(atom.arguments[0]))] for atom in atoms), len(candidates)
+        )
     return None
 
 
 def top_level(circuit: Circuit) -> frozenset[str]:
     """The gates that no other gate dominates: no gate lies on all their ways to the outputs.
 
-    One pass goes from the outputs to the inputs. The immediate dominator of a gate is the nearest common
-    dominator of its readers (Cooper, Harvey & Kennedy 2001). The root is the world behind all outputs.
+    One pass goes from the outputs to the inputs. The immediate dominator of a gate is the nearest
+    common dominator of its readers (Cooper, Harvey & Kennedy 2001). The root is the world behind
+    all outputs.
     """
     order = {name: place for place, name in enumerate(circuit.gates)}
     readers: dict[str, list[str]] = {}
@@ -153,14 +160,20 @@ def _common_dominator(
 
 
 def diagnosis_program(
-    circuit: Circuit, given: Mapping[str, bool], seen: Mapping[str, bool], candidates: frozenset[str]
+    circuit: Circuit,
+    given: Mapping[str, bool],
+    seen: Mapping[str, bool],
+    candidates: frozenset[str],
 ) -> str:
     """The program whose best models are the smallest sets of faulty gates among the candidates."""
     return "\n".join([*_circuit_facts(circuit, given, seen, candidates), _CIRCUIT_RULES])
 
 
 def _circuit_facts(
-    circuit: Circuit, given: Mapping[str, bool], seen: Mapping[str, bool], candidates: frozenset[str]
+    circuit: Circuit,
+    given: Mapping[str, bool],
+    seen: Mapping[str, bool],
+    candidates: frozenset[str],
 ) -> Iterator[str]:
     number = {name: place for place, name in enumerate([*circuit.inputs, *circuit.gates])}
     yield from (f"v({number[wire]})." for wire, value in given.items() if value and wire in number)
@@ -171,7 +184,9 @@ def _circuit_facts(
             yield f"top({i})."
         if gate.function == XOR:
             yield f"last({i}, {len(gate.inputs)})."
-            yield from (f"in({i}, {place}, {number[wire]})." for place, wire in enumerate(gate.inputs, 1))
+            yield from (
+                f"in({i}, {place}, {number[wire]})." for place, wire in enumerate(gate.inputs, 1)
+            )
         else:
             yield from (f"in({i}, {number[wire]})." for wire in dict.fromkeys(gate.inputs))
     for output in dict.fromkeys(circuit.outputs):

@@ -19,7 +19,9 @@ CURED, NOT_CURED = "cured", "not cured"
 SAFE_STOP = "stop safely and ask"
 
 PlanSetup = Callable[[Sequence[tuple[Atom, ...]]], Setup | None]
-"""The cost of preparing the preconditions of each action: from the present state, and after each other action."""
+"""The cost of preparing the preconditions of each action: from the present state, and after
+each other action.
+"""
 
 
 class CaseObjective(StrEnum):
@@ -62,9 +64,15 @@ def case_of(
     past = set(done)
     tests = [test for test in model.tests.values() if test.name not in past]
     rows = {test.name: _outcome_rows(test, hypotheses) for test in tests}
-    chosen: list[FaultTest | Repair] = [t for t in tests if len(set(zip(*rows[t.name], strict=True))) > 1]
+    chosen: list[FaultTest | Repair] = [
+        t for t in tests if len(set(zip(*rows[t.name], strict=True))) > 1
+    ]
     if objective is CaseObjective.REPAIR:
-        chosen += [r for r in model.repairs.values() if r.name not in past and _repair_serves(r, hypotheses)]
+        chosen += [
+            r
+            for r in model.repairs.values()
+            if r.name not in past and _repair_serves(r, hypotheses)
+        ]
     prepared = setup([chosen_test.preconditions for chosen_test in chosen])
     if prepared is not None and not all(map(math.isfinite, prepared.costs[0])):
         chosen = [
@@ -79,7 +87,9 @@ def case_of(
         else Action(repair.name, float(repair.cost), repair.outcomes, rows[repair.name])
         for repair in chosen
     )
-    conclusions: tuple[Conclusion, ...] = (Conclusion(SAFE_STOP, (float(model.stop),) * len(hypotheses)),)
+    conclusions: tuple[Conclusion, ...] = (
+        Conclusion(SAFE_STOP, (float(model.stop),) * len(hypotheses)),
+    )
     if objective is CaseObjective.ISOLATE:
         conclusions = _case_conclusions(hypotheses, actions)
     total = math.fsum(weights)
@@ -96,9 +106,10 @@ def case_of(
 def outcome_likelihood(test: FaultTest, outcome: str, hypothesis: CaseHypothesis) -> float:
     """The probability of an outcome if all causes of a hypothesis are present.
 
-    A test that lies gives each outcome with the same probability. If no cause disturbs a test, its outcome is
-    the usual one. Causes disturb a test independently of each other. The other outcomes share the probability
-    of a disturbance in proportion to what the causes give them (noisy-or without a leak: Pearl 1988).
+    A test that lies gives each outcome with the same probability. If no cause disturbs a test, its
+    outcome is the usual one. Causes disturb a test independently of each other. The other outcomes
+    share the probability of a disturbance in proportion to what the causes give them (noisy-or
+    without a leak: Pearl 1988).
     """
     if test.name in hypothesis.lies:
         return 1.0 / len(test.outcomes)
@@ -127,9 +138,13 @@ def cure_chance(repair: Repair, hypothesis: CaseHypothesis) -> float:
     return math.prod(repair.cures.get(cause, 0.0) for cause in hypothesis.causes)
 
 
-def _outcome_rows(test: FaultTest, hypotheses: Sequence[CaseHypothesis]) -> tuple[tuple[float, ...], ...]:
+def _outcome_rows(
+    test: FaultTest, hypotheses: Sequence[CaseHypothesis]
+) -> tuple[tuple[float, ...], ...]:
     """The probabilities of the outcomes of a test (outcomes, hypotheses)."""
-    return tuple(tuple(outcome_likelihood(test, outcome, h) for h in hypotheses) for outcome in test.outcomes)
+    return tuple(
+        tuple(outcome_likelihood(test, outcome, h) for h in hypotheses) for outcome in test.outcomes
+    )
 
 
 def _repair_action(repair: Repair, hypotheses: Sequence[CaseHypothesis]) -> Action:

@@ -40,7 +40,9 @@ class HiddenWorld:
         """The outcome of a test or repair."""
         if name not in self.answered:
             distribution = self._distribution(name)
-            self.answered[name] = self.chance.choices(list(distribution), list(distribution.values()))[0]
+            self.answered[name] = self.chance.choices(
+                list(distribution), list(distribution.values())
+            )[0]
         return self.answered[name]
 
     def respond(self, action: Action) -> str:
@@ -54,11 +56,16 @@ class HiddenWorld:
             cured = cure_chance(self.model.repairs[name], self.hidden)
             return {CURED: cured, NOT_CURED: 1.0 - cured}
         test = self.model.tests[name]
-        return {outcome: outcome_likelihood(test, outcome, self.hidden) for outcome in test.outcomes}
+        return {
+            outcome: outcome_likelihood(test, outcome, self.hidden) for outcome in test.outcomes
+        }
 
 
 def draw_cause(
-    model: FaultModel, exception: str, chance: random.Random, counts: Mapping[str, float] | None = None
+    model: FaultModel,
+    exception: str,
+    chance: random.Random,
+    counts: Mapping[str, float] | None = None,
 ) -> CaseHypothesis:
     """A hidden cause of an exception, drawn with its probability."""
     priors = model.priors(exception, counts)
@@ -66,7 +73,9 @@ def draw_cause(
 
 
 def simulated_cost(problem: Troubleshooting, tree: Tree, chance: random.Random) -> float:
-    """The cost of one simulated case: a cause is drawn from the priors, and outcomes from their likelihoods."""
+    """The cost of one simulated case: a cause is drawn from the priors, and outcomes from their
+    likelihoods.
+    """
     cause = chance.choices(range(len(problem.causes)), problem.priors)[0]
     return cost_of_case(problem, tree, cause, chance)
 
@@ -79,7 +88,9 @@ def cost_of_case(problem: Troubleshooting, tree: Tree, cause: int, chance: rando
         rows = problem.actions[tree.action].likelihoods
         outcome = chance.choices(range(len(rows)), [row[cause] for row in rows])[0]
         tree = dict(tree.branches)[outcome]
-    return cost + (problem.conclusions[tree.conclusion].losses[cause] if tree.conclusion is not None else 0.0)
+    return cost + (
+        problem.conclusions[tree.conclusion].losses[cause] if tree.conclusion is not None else 0.0
+    )
 
 
 def cost_under(problem: Troubleshooting, tree: Tree) -> float:
@@ -90,17 +101,23 @@ def cost_under(problem: Troubleshooting, tree: Tree) -> float:
     return _tree_cost(problem, tree, problem.priors, 0)
 
 
-def _tree_cost(problem: Troubleshooting, tree: Tree, weights: tuple[float, ...], situation: int) -> float:
+def _tree_cost(
+    problem: Troubleshooting, tree: Tree, weights: tuple[float, ...], situation: int
+) -> float:
     if isinstance(tree, Conclude):
         if tree.conclusion is None:
             return 0.0
         losses = problem.conclusions[tree.conclusion].losses
-        return sum(weight * loss for weight, loss in zip(weights, losses, strict=True) if weight > 0.0)
+        return sum(
+            weight * loss for weight, loss in zip(weights, losses, strict=True) if weight > 0.0
+        )
     action, setup = problem.actions[tree.action], problem.setup
     extra = setup.costs[situation][tree.action] if setup else 0.0
     after = setup.following[situation][tree.action] if setup else 0
     total = (action.cost + extra) * sum(weights)
     for outcome, branch in tree.branches:
         row = action.likelihoods[outcome]
-        total += _tree_cost(problem, branch, tuple(w * p for w, p in zip(weights, row, strict=True)), after)
+        total += _tree_cost(
+            problem, branch, tuple(w * p for w, p in zip(weights, row, strict=True)), after
+        )
     return total

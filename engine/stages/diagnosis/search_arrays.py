@@ -3,7 +3,13 @@
 import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats, Longs, Truths, Words
-from cellwright.engine.model.troubleshooting import Action, Setup, Troubleshooting, field_bits, situation_bits
+from cellwright.engine.model.troubleshooting import (
+    Action,
+    Setup,
+    Troubleshooting,
+    field_bits,
+    situation_bits,
+)
 from cellwright.engine.stages.diagnosis.kernels.belief import Beliefs
 from cellwright.engine.stages.diagnosis.kernels.partition import Partition
 from cellwright.engine.stages.diagnosis.kernels.rollout import Groups
@@ -46,7 +52,9 @@ def _loss_matrix(problem: Troubleshooting) -> Floats:
 
 
 def _certain_outcomes(likelihoods: Floats, widths: Longs) -> Longs:
-    """For each action and cause (A, C) the outcome; -1 for every cause if the outcomes are uncertain."""
+    """For each action and cause (A, C) the outcome; -1 for every cause if the outcomes are
+    uncertain.
+    """
     shown: Longs = likelihoods.argmax(axis=1).astype(np.int64)
     shown[widths > 0] = -1
     return shown
@@ -76,8 +84,8 @@ def situation_in_key(problem: Beliefs, rest: int) -> int:
 
 
 def cause_set_arrays(problem: Troubleshooting, arrays: Beliefs) -> Partition | None:
-    """The problem for the search over sets of causes; None if outcomes are uncertain or conclusions have
-    losses.
+    """The problem for the search over sets of causes; None if outcomes are uncertain or conclusions
+    have losses.
     """
     if arrays.widths.any() or not np.isin(arrays.losses, (0.0, np.inf)).all():
         return None
@@ -98,14 +106,18 @@ def cause_set_arrays(problem: Troubleshooting, arrays: Beliefs) -> Partition | N
 
 
 def cause_groups(arrays: Beliefs) -> Groups:
-    """The groups of causes that may be concluded together, and what the policies of a rollout cost at most."""
+    """The groups of causes that may be concluded together, and what the policies of a rollout
+    cost at most.
+    """
     losses = arrays.losses
     worst = float(losses[np.isfinite(losses)].max(initial=0.0))
     return Groups(arrays, _first_of_group(losses), arrays.costs.max(axis=0), worst)
 
 
 def _first_of_group(losses: Floats) -> Longs:
-    """For each cause (C,) the first cause with which it hangs together by conclusions that join causes without loss."""
+    """For each cause (C,) the first cause with which it hangs together by conclusions that join
+    causes without loss.
+    """
     first_causes = np.arange(losses.shape[1], dtype=np.int64)
     barred = np.isin(losses, (0.0, np.inf)).all(axis=1)
     for group in _merge_sets(losses[barred] == 0.0):
@@ -124,16 +136,16 @@ def _setup_arrays(actions: tuple[Action, ...], setup: Setup | None) -> tuple[Flo
     if setup is None:
         return own, np.zeros(own.shape, dtype=np.int64)
     shape = (len(setup.costs), len(actions))
-    return own + np.array(setup.costs).reshape(shape), np.array(setup.following, dtype=np.int64).reshape(
-        shape
-    )
+    return own + np.array(setup.costs).reshape(shape), np.array(
+        setup.following, dtype=np.int64
+    ).reshape(shape)
 
 
 def _costs_if_known(losses: Floats, likelihoods: Floats, ends: Truths, costs: Floats) -> Floats:
     """For each cause, a lower bound on the cost of ending the case if the cause were known.
 
-    A conclusion costs its loss. A repair that costs c ends the case with probability p. However repairs are
-    combined, curing the cause costs at least the best c / p.
+    A conclusion costs its loss. A repair that costs c ends the case with probability p. However
+    repairs are combined, curing the cause costs at least the best c / p.
     """
     chances = (likelihoods * ends[:, :, None]).sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -148,7 +160,9 @@ def _set_words(sets: Truths) -> Words:
     padded = np.zeros((*sets.shape[:-1], 64 * count), dtype=np.bool_)
     padded[..., : sets.shape[-1]] = sets
     packed = np.packbits(padded, axis=-1, bitorder="little")
-    return np.ascontiguousarray(packed).view("<u8").astype(np.uint64).reshape(*sets.shape[:-1], count)
+    return (
+        np.ascontiguousarray(packed).view("<u8").astype(np.uint64).reshape(*sets.shape[:-1], count)
+    )
 
 
 def _byte_masses(weights: tuple[float, ...]) -> Floats:

@@ -7,11 +7,12 @@ from functools import cached_property
 
 @dataclass(frozen=True, slots=True)
 class Activity:
-    """A step of a plan. `start_ms` is its forecast on the run's clock; only its order behind `after` is promised.
+    """A step of a plan. `start_ms` is its forecast on the run's clock; only its order behind
+    `after` is promised.
 
-    `expects` is the pattern of a normal reply. `rests` says that nothing is left in a hand when it ends, or that it reaches
-    a goal: a run may pause behind it. A `process` goes on without a hand. Its device looks at the facts in `looks` before it
-    begins, and at `watches` while it goes on.
+    `expects` is the pattern of a normal reply. `rests` says that nothing is left in a hand when it
+    ends, or that it reaches a goal: a run may pause behind it. A `process` goes on without a hand.
+    Its device looks at the facts in `looks` before it begins, and at `watches` while it goes on.
     """
 
     id: int
@@ -48,8 +49,9 @@ class Dwell:
 class ActivityProgram:
     """All activities by number. Where it is `timed`, none begins before its forecast.
 
-    `lookahead` says how many commands a stream takes at once; 1 for streams that are not named. `hands` are the resources
-    that work as hands; where none are named, every resource counts as one.
+    `lookahead` says how many commands a stream takes at once; 1 for streams that are not named.
+    `hands` are the resources that work as hands; where none are named, every resource counts as
+    one.
     """
 
     activities: Mapping[int, Activity]
@@ -61,7 +63,9 @@ class ActivityProgram:
     @cached_property
     def successors(self) -> Mapping[int, tuple[int, ...]]:
         """For each activity those that wait for it directly."""
-        following: dict[int, list[int]] = {activity_number: [] for activity_number in self.activities}
+        following: dict[int, list[int]] = {
+            activity_number: [] for activity_number in self.activities
+        }
         for activity in self.activities.values():
             for before in activity.after:
                 following[before].append(activity.id)
@@ -69,7 +73,9 @@ class ActivityProgram:
 
     @cached_property
     def queues(self) -> Mapping[str, tuple[int, ...]]:
-        """For each resource its activities, in the order of the forecast; those that wait for each other in that order."""
+        """For each resource its activities, in the order of the forecast; those that wait for
+        each other in that order.
+        """
         order = {activity_number: place for place, activity_number in enumerate(self.activities)}
         queues: dict[str, list[int]] = {}
         for activity in sorted(self.activities.values(), key=lambda a: (a.start_ms, order[a.id])):
@@ -80,7 +86,9 @@ class ActivityProgram:
     @cached_property
     def places(self) -> Mapping[int, Mapping[str, int]]:
         """For each activity its place in the queue of each of its resources."""
-        places: dict[int, dict[str, int]] = {activity_number: {} for activity_number in self.activities}
+        places: dict[int, dict[str, int]] = {
+            activity_number: {} for activity_number in self.activities
+        }
         for resource, queue in self.queues.items():
             for place, queued in enumerate(queue):
                 places[queued][resource] = place
@@ -98,5 +106,6 @@ class ActivityProgram:
     def forecast_ms(self) -> int:
         """When the last activity is forecast to end."""
         return max(
-            (activity.start_ms + activity.lasts_ms for activity in self.activities.values()), default=0
+            (activity.start_ms + activity.lasts_ms for activity in self.activities.values()),
+            default=0,
         )

@@ -1,7 +1,8 @@
 """Which activities begin now: their predecessors have ended, their resources are free.
 
-One that stands behind others on a resource may overtake them only if it ends before the soonest of them can begin. Streams
-that take several commands at once get them ahead of time, with a WAIT before each that waits for another stream (ITA).
+One that stands behind others on a resource may overtake them only if it ends before the soonest of
+them can begin. Streams that take several commands at once get them ahead of time, with a WAIT
+before each that waits for another stream (ITA).
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,9 +16,15 @@ MAX_LOOKBACK = 12  # predecessors in a row that are looked at
 
 
 def soonest_start(
-    program: ActivityProgram, ends: Mapping[int, int], ready: frozenset[int], now_ms: int, activity: int
+    program: ActivityProgram,
+    ends: Mapping[int, int],
+    ready: frozenset[int],
+    now_ms: int,
+    activity: int,
 ) -> int:
-    """The soonest start of an activity that has not begun; `ends` is when those under way will probably end."""
+    """The soonest start of an activity that has not begun; `ends` is when those under way will
+    probably end.
+    """
     known: dict[int, int] = {}
 
     def start(successor: int, depth: int) -> int:
@@ -25,7 +32,8 @@ def soonest_start(
             return now_ms
         if successor not in known:
             known[successor] = max(
-                (end(before, depth - 1) for before in program.activities[successor].after), default=now_ms
+                (end(before, depth - 1) for before in program.activities[successor].after),
+                default=now_ms,
             )
         return known[successor]
 
@@ -40,7 +48,11 @@ def soonest_start(
 
 
 def _is_open(
-    program: ActivityProgram, predecessor: int, ready: frozenset[int], ends: Mapping[int, int], depth: int
+    program: ActivityProgram,
+    predecessor: int,
+    ready: frozenset[int],
+    ends: Mapping[int, int],
+    depth: int,
 ) -> bool:
     """Whether an activity has not ended, as far as can be seen from what is ready or under way."""
     if predecessor in ready or predecessor in ends:
@@ -58,7 +70,10 @@ def dispatch_activities(
     if standing.ready:
         for activity in sorted(
             standing.ready,
-            key=lambda activity_number: (program.activities[activity_number].start_ms, activity_number),
+            key=lambda activity_number: (
+                program.activities[activity_number].start_ms,
+                activity_number,
+            ),
         ):
             board.begin(program.activities[activity])
     if program.lookahead:
@@ -72,8 +87,16 @@ class _DispatchBoard:
     def __init__(self, program: ActivityProgram, standing: ExecutiveState) -> None:
         self.program, self.old = program, standing
         self.ready, self.running = set(standing.ready), dict(standing.running)
-        self.busy, self.heads, self.ahead = dict(standing.busy), dict(standing.heads), set(standing.ahead)
-        self.open, self.waits, self.number = dict(standing.open), dict(standing.waits), standing.number
+        self.busy, self.heads, self.ahead = (
+            dict(standing.busy),
+            dict(standing.heads),
+            set(standing.ahead),
+        )
+        self.open, self.waits, self.number = (
+            dict(standing.open),
+            dict(standing.waits),
+            standing.number,
+        )
         self.sent: list[Dispatch] = []
 
     def standing(self) -> ExecutiveState:
@@ -105,9 +128,13 @@ class _DispatchBoard:
             self._send(activity)
 
     def _delays_nobody(self, activity: Activity, resource: str) -> bool:
-        """Whether those that stand before an activity on a resource can begin no sooner than it ends."""
+        """Whether those that stand before an activity on a resource can begin no sooner than it
+        ends.
+        """
         place, queue = self.program.places[activity.id][resource], self.program.queues[resource]
-        before = [queued for queued in queue[self.heads[resource] : place] if queued not in self.ahead]
+        before = [
+            queued for queued in queue[self.heads[resource] : place] if queued not in self.ahead
+        ]
         if not before:
             return True
         end = self.old.now_ms + activity.lasts_ms
@@ -145,7 +172,9 @@ class _DispatchBoard:
 
     def _in_stream(self, stream: str) -> list[int]:
         return [
-            r.activity for r in self.running.values() if self.program.activities[r.activity].stream == stream
+            r.activity
+            for r in self.running.values()
+            if self.program.activities[r.activity].stream == stream
         ]
 
     def queue(self) -> None:
@@ -164,12 +193,16 @@ class _DispatchBoard:
                 self._send(activity)
 
     def _next_in(self, stream: str) -> Iterator[tuple[Activity, frozenset[int]]]:
-        """The next activity of a stream if all that it waits for is under way, and what of that is in other streams."""
+        """The next activity of a stream if all that it waits for is under way, and what of that
+        is in other streams.
+        """
         own = frozenset(self._in_stream(stream))
         others = frozenset(r.activity for r in self.running.values()) - own
         for candidate in self._candidates(own | others):
             activity = self.program.activities[candidate]
-            if activity.stream != stream or (self.program.timed and activity.start_ms > self.old.now_ms):
+            if activity.stream != stream or (
+                self.program.timed and activity.start_ms > self.old.now_ms
+            ):
                 continue
             awaited = {before for before in activity.after if before in others}
             awaited |= {self.busy[r] for r in activity.resources if self.busy.get(r) in others}

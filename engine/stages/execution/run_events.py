@@ -52,12 +52,23 @@ class StopCommanded:
     """The run shall stop at once."""
 
 
-Event = Began | TimePassed | Replied | CommandFailed | Withdrawn | Interrupted | Continued | StopCommanded
+Event = (
+    Began
+    | TimePassed
+    | Replied
+    | CommandFailed
+    | Withdrawn
+    | Interrupted
+    | Continued
+    | StopCommanded
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Dispatch:
-    """Send a command: for an activity, or a WAIT (`activity` None), or the CONTINUE for the WAIT `about`."""
+    """Send a command: for an activity, or a WAIT (`activity` None), or the CONTINUE for the
+    WAIT `about`.
+    """
 
     number: int
     activity: int | None = None
@@ -98,7 +109,9 @@ class Handle:
 
 @dataclass(frozen=True, slots=True)
 class Threatened:
-    """Something will wait `late_ms` longer than it may, as things stand; or it does already (`over`)."""
+    """Something will wait `late_ms` longer than it may, as things stand; or it does already
+    (`over`).
+    """
 
     dwell: Dwell
     late_ms: int

@@ -20,11 +20,13 @@ class Running:
 class ExecutiveState:
     """The state of an executive.
 
-    `ready` are the activities whose predecessors have ended; `open` counts, for the others that have lost some, how many
-    they still wait for. `heads` is the place of the first activity in the queue of each resource that has not begun, `ahead`
-    are those behind it that have. `busy` says who holds a resource (the last one, if several are queued in one stream).
-    `unrested` are hands that hold something on the way to a goal; while it is `frozen`, no hand begins anything.
-    `waits` are the WAITs that were sent, with the activities that they wait for. `dwelling` are deadlines of waits.
+    `ready` are the activities whose predecessors have ended; `open` counts, for the others that
+    have lost some, how many they still wait for. `heads` is the place of the first activity in the
+    queue of each resource that has not begun, `ahead` are those behind it that have. `busy` says
+    who holds a resource (the last one, if several are queued in one stream). `unrested` are hands
+    that hold something on the way to a goal; while it is `frozen`, no hand begins anything. `waits`
+    are the WAITs that were sent, with the activities that they wait for. `dwelling` are deadlines
+    of waits.
     """
 
     phase: RunPhase
@@ -59,7 +61,9 @@ def standing_of(
     ends: Mapping[int, int] | None = None,
     unrested: frozenset[str] = frozenset(),
 ) -> ExecutiveState:
-    """The standing of a program in which some activities are done (`ends`: when, for waits) and some are running."""
+    """The standing of a program in which some activities are done (`ends`: when, for waits) and
+    some are running.
+    """
     underway = dict(running or {})
     begun = {*done, *(command_underway.activity for command_underway in underway.values())}
     ready, partly = set[int](), dict[int, int]()
@@ -102,7 +106,9 @@ def _dwell_ends(
     }
 
 
-def _queue_heads(program: ActivityProgram, begun: Collection[int]) -> tuple[dict[str, int], frozenset[int]]:
+def _queue_heads(
+    program: ActivityProgram, begun: Collection[int]
+) -> tuple[dict[str, int], frozenset[int]]:
     heads, ahead = {}, set[int]()
     for resource, queue in program.queues.items():
         place = next((n for n, queued in enumerate(queue) if queued not in begun), len(queue))
@@ -119,7 +125,9 @@ def reply_deadline(activity: Activity, since_ms: int) -> int | None:
 def unrested_after(
     unrested: frozenset[str], activity: Activity, hands: Collection[str] = ()
 ) -> frozenset[str]:
-    """The hands that hold something on the way to a goal when an activity has ended; without `hands`, all resources count."""
+    """The hands that hold something on the way to a goal when an activity has ended; without
+    `hands`, all resources count.
+    """
     if activity.process:
         return unrested
     used = frozenset(resource for resource in activity.resources if not hands or resource in hands)

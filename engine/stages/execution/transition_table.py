@@ -21,13 +21,20 @@ TIMEOUT_REPLY = "timeout"
 def advance_run(
     program: ActivityProgram, standing: ExecutiveState, event: e.Event, now_ms: int
 ) -> NextStanding:
-    """What an event leads to at a time of the run's clock: the next standing, and what is to be done, in order."""
+    """What an event leads to at a time of the run's clock: the next standing, and what is to be
+    done, in order.
+    """
     move = TRANSITIONS.get((standing.phase, type(event)), _ignore_event)
-    return move(program, standing if standing.now_ms == now_ms else replace(standing, now_ms=now_ms), event)
+    return move(
+        program, standing if standing.now_ms == now_ms else replace(standing, now_ms=now_ms), event
+    )
 
 
 def next_time(program: ActivityProgram, standing: ExecutiveState) -> int | None:
-    """When something is due even if no reply comes: a timeout, a forecast start, the end of a wait. None if nothing is."""
+    """When something is due even if no reply comes: a timeout, a forecast start, the end of a wait.
+
+    None if nothing is.
+    """
     now, times = standing.now_ms, list[int]()
     for running in standing.running.values():
         due = reply_deadline(program.activities[running.activity], running.since_ms)
@@ -37,19 +44,27 @@ def next_time(program: ActivityProgram, standing: ExecutiveState) -> int | None:
             if standing.dwelling
             else []
         )
-    if standing.phase in (RunPhase.RUNNING, RunPhase.INTERRUPTING) and program.timed and not standing.frozen:
+    if (
+        standing.phase in (RunPhase.RUNNING, RunPhase.INTERRUPTING)
+        and program.timed
+        and not standing.frozen
+    ):
         times += [program.activities[ready_activity].start_ms for ready_activity in standing.ready]
     times += [moment for when in standing.dwelling.values() for moment in (when, when + 1)]
     return min((start_time for start_time in times if start_time > now), default=None)
 
 
 def only_waits(program: ActivityProgram, standing: ExecutiveState) -> bool:
-    """Whether nothing can begin before something ends that goes on without a hand, though something is left to begin."""
+    """Whether nothing can begin before something ends that goes on without a hand, though
+    something is left to begin.
+    """
     left = len(program.activities) - standing.done - len(standing.running)
     return bool(left and standing.running) and _is_still(program, standing)
 
 
-def _ignore_event(_program: ActivityProgram, standing: ExecutiveState, _event: e.Event) -> NextStanding:
+def _ignore_event(
+    _program: ActivityProgram, standing: ExecutiveState, _event: e.Event
+) -> NextStanding:
     return standing, ()
 
 
@@ -69,18 +84,26 @@ def _going_on(program: ActivityProgram, standing: ExecutiveState) -> NextStandin
 
 
 def _is_still(program: ActivityProgram, standing: ExecutiveState) -> bool:
-    return all(program.activities[running.activity].process for running in standing.running.values())
+    return all(
+        program.activities[running.activity].process for running in standing.running.values()
+    )
 
 
 def _watch_dwells(
     program: ActivityProgram, standing: ExecutiveState
 ) -> tuple[ExecutiveState, tuple[e.Threatened, ...]]:
-    """The waits that will last too long as things stand, and those that have; each is told once as such."""
+    """The waits that will last too long as things stand, and those that have; each is told once
+    as such.
+    """
     if not standing.dwelling:
         return standing, ()
     begun = {running.activity for running in standing.running.values()}
-    dwelling = {dwell: until for dwell, until in standing.dwelling.items() if dwell.target not in begun}
-    ends = {r.activity: _expected_end(program, r, standing.now_ms) for r in standing.running.values()}
+    dwelling = {
+        dwell: until for dwell, until in standing.dwelling.items() if dwell.target not in begun
+    }
+    ends = {
+        r.activity: _expected_end(program, r, standing.now_ms) for r in standing.running.values()
+    }
     threats = []
     for dwell, until in dwelling.items():
         over = standing.now_ms > until
@@ -92,7 +115,9 @@ def _watch_dwells(
 
 
 def _expected_end(program: ActivityProgram, running: Running, now_ms: int) -> int:
-    """When an activity that is under way will end; one that is late takes a tenth longer than it has, from now on."""
+    """When an activity that is under way will end; one that is late takes a tenth longer than
+    it has, from now on.
+    """
     lasts = program.activities[running.activity].lasts_ms
     end = running.since_ms + lasts
     return end if end > now_ms else now_ms + max(1, (now_ms - running.since_ms) // 10)
@@ -149,8 +174,12 @@ def _end_command(program: ActivityProgram, standing: ExecutiveState, number: int
             partly[later] = left
         else:
             ready.add(later)
-    dwelling = {dwell: until for dwell, until in standing.dwelling.items() if dwell.target not in begun}
-    dwelling |= {dwell: standing.now_ms + dwell.most_ms for dwell in program.ending_in.get(activity_id, ())}
+    dwelling = {
+        dwell: until for dwell, until in standing.dwelling.items() if dwell.target not in begun
+    }
+    dwelling |= {
+        dwell: standing.now_ms + dwell.most_ms for dwell in program.ending_in.get(activity_id, ())
+    }
     return replace(
         standing,
         running=left_running,
@@ -163,13 +192,17 @@ def _end_command(program: ActivityProgram, standing: ExecutiveState, number: int
     )
 
 
-def _running_without(program: ActivityProgram, standing: ExecutiveState, number: int) -> dict[int, Running]:
+def _running_without(
+    program: ActivityProgram, standing: ExecutiveState, number: int
+) -> dict[int, Running]:
     """What is under way without a command. The next of its stream begins now."""
     running = dict(standing.running)
     activity = running.pop(number).activity
     stream = program.activities[activity].stream
     if program.lookahead.get(stream, 1) > 1:
-        following = (n for n, r in sorted(running.items()) if program.activities[r.activity].stream == stream)
+        following = (
+            n for n, r in sorted(running.items()) if program.activities[r.activity].stream == stream
+        )
         if (following_number := next(following, None)) is not None:
             running[following_number] = Running(running[following_number].activity, standing.now_ms)
     return running
@@ -194,7 +227,9 @@ def _on_failed(program: ActivityProgram, standing: ExecutiveState, event: e.Even
     return _given_up(program, standing, {event.number: event.reply})
 
 
-def _given_up(program: ActivityProgram, standing: ExecutiveState, failed: Mapping[int, str]) -> NextStanding:
+def _given_up(
+    program: ActivityProgram, standing: ExecutiveState, failed: Mapping[int, str]
+) -> NextStanding:
     """The step from failures to quiet. An activity that failed is neither done nor ready."""
     failures = list(standing.failures)
     for number, reply in failed.items():
@@ -213,7 +248,9 @@ def _quieten_run(_program: ActivityProgram, standing: ExecutiveState) -> NextSta
     return replace(standing, phase=RunPhase.HANDLING), (e.Handle(standing.failures),)
 
 
-def _on_time_passed(program: ActivityProgram, standing: ExecutiveState, _event: e.Event) -> NextStanding:
+def _on_time_passed(
+    program: ActivityProgram, standing: ExecutiveState, _event: e.Event
+) -> NextStanding:
     late = {}
     for number, running in standing.running.items():
         due = reply_deadline(program.activities[running.activity], running.since_ms)
@@ -232,7 +269,8 @@ def _is_first(program: ActivityProgram, standing: ExecutiveState, number: int) -
     if program.lookahead.get(stream, 1) < 2:
         return True
     if any(
-        awaited and wait < number and where == stream for wait, (where, awaited) in standing.waits.items()
+        awaited and wait < number and where == stream
+        for wait, (where, awaited) in standing.waits.items()
     ):
         return False
     return all(
@@ -241,16 +279,26 @@ def _is_first(program: ActivityProgram, standing: ExecutiveState, number: int) -
     )
 
 
-def _on_withdrawn(program: ActivityProgram, standing: ExecutiveState, event: e.Event) -> NextStanding:
-    """Commands that were taken back can be given again; what was queued ahead waits for its predecessors as before."""
+def _on_withdrawn(
+    program: ActivityProgram, standing: ExecutiveState, event: e.Event
+) -> NextStanding:
+    """Commands that were taken back can be given again; what was queued ahead waits for its
+    predecessors as before.
+    """
     assert isinstance(event, e.Withdrawn)
-    for number in (command_number for command_number in event.numbers if command_number in standing.running):
+    for number in (
+        command_number for command_number in event.numbers if command_number in standing.running
+    ):
         standing = _taken_back(program, standing, number)
     standing = replace(standing, waits={})
-    return _quieten_run(program, standing) if standing.phase is RunPhase.QUIESCING else (standing, ())
+    return (
+        _quieten_run(program, standing) if standing.phase is RunPhase.QUIESCING else (standing, ())
+    )
 
 
-def _on_interrupted(program: ActivityProgram, standing: ExecutiveState, _event: e.Event) -> NextStanding:
+def _on_interrupted(
+    program: ActivityProgram, standing: ExecutiveState, _event: e.Event
+) -> NextStanding:
     standing = replace(
         standing,
         phase=RunPhase.INTERRUPTING,
@@ -264,7 +312,9 @@ def _needs_hand(program: ActivityProgram, standing: ExecutiveState) -> bool:
     return not _is_still(program, standing)
 
 
-def _on_stopped(_program: ActivityProgram, standing: ExecutiveState, _event: e.Event) -> NextStanding:
+def _on_stopped(
+    _program: ActivityProgram, standing: ExecutiveState, _event: e.Event
+) -> NextStanding:
     return replace(standing, phase=RunPhase.STOPPED), (e.Halt(),)
 
 
@@ -281,6 +331,7 @@ TRANSITIONS: Mapping[tuple[RunPhase, type[e.Event]], TransitionRule] = {
     (RunPhase.INTERRUPTING, e.Continued): _on_began,
     (RunPhase.PAUSED, e.Continued): _on_began,
     **{
-        (phase, e.StopCommanded): _on_stopped for phase in (*ACTIVE_PHASES, RunPhase.READY, RunPhase.HANDLING)
+        (phase, e.StopCommanded): _on_stopped
+        for phase in (*ACTIVE_PHASES, RunPhase.READY, RunPhase.HANDLING)
     },
 }

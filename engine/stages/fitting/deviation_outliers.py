@@ -1,8 +1,9 @@
 """Measured deviations that no smooth surface through their neighbours explains.
 
-Through the neighbours of each point a plane of deviations is fitted so that bad ones among them do not count (Tukey's biweight,
-by iteratively reweighted least squares: Holland & Welsch 1977). The point itself is left out. How far it is off is told by the
-standard deviation of the difference: that of the value, that of the plane there, and how rough the whole surface is.
+Through the neighbours of each point a plane of deviations is fitted so that bad ones among them do
+not count (Tukey's biweight, by iteratively reweighted least squares: Holland & Welsch 1977). The
+point itself is left out. How far it is off is told by the standard deviation of the difference:
+that of the value, that of the plane there, and how rough the whole surface is.
 """
 
 from dataclasses import dataclass
@@ -25,24 +26,32 @@ RIDGE_WEIGHT = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedDeviations:
-    """What neighbours let expect of each point (n,), its standard deviation (n,), and whether they tell anything (n,)."""
+    """What neighbours let expect of each point (n,), its standard deviation (n,), and whether
+    they tell anything (n,).
+    """
 
     value: Floats
     sigma: Floats
     known: Truths
 
     def off(self, values: Floats, sigma: Floats) -> Floats:
-        """How far values (n,) with standard deviations (n,) are from what is expected, by that of the difference; 0 where nothing is."""
-        sigmas_off: Floats = np.where(self.known, (values - self.value) / np.hypot(sigma, self.sigma), 0.0)
+        """How far values (n,) with standard deviations (n,) are from what is expected, by that
+        of the difference; 0 where nothing is.
+        """
+        sigmas_off: Floats = np.where(
+            self.known, (values - self.value) / np.hypot(sigma, self.sigma), 0.0
+        )
         return sigmas_off
 
 
 def expect_deviations(
     points: Floats, normals: Floats, values: Floats, sigma: Floats, counts: Truths
 ) -> ExpectedDeviations:
-    """What the neighbours of each point (n, 3), with its outward unit normal (n, 3), say of its deviation.
+    """What the neighbours of each point (n, 3), with its outward unit normal (n, 3), say of its
+    deviation.
 
-    `values` and their standard deviations `sigma` (n,) are in one unit; only those that `count` (n,) are neighbours.
+    `values` and their standard deviations `sigma` (n,) are in one unit; only those that `count`
+    (n,) are neighbours.
     """
     n = len(points)
     nothing = ExpectedDeviations(np.zeros(n), np.ones(n), np.zeros(n, bool))
@@ -59,7 +68,9 @@ def expect_deviations(
 
 
 def _surface_neighbours(points: Floats, normals: Floats, counts: Truths) -> tuple[Longs, Truths]:
-    """The numbers (n, k) of points near each point, and which of them (n, k) are neighbours on the same surface."""
+    """The numbers (n, k) of points near each point, and which of them (n, k) are neighbours on
+    the same surface.
+    """
     from scipy.spatial import cKDTree
 
     candidates = np.flatnonzero(counts)
@@ -87,7 +98,9 @@ def _surface_coordinates(points: Floats, normals: Floats, near: Longs, usable: T
 def _neighbour_planes(
     where: Floats, values: Floats, sigma: Floats, usable: Truths
 ) -> tuple[Floats, Floats, Floats]:
-    """The height (n,) of a plane through neighbours at the point itself, its variance (n,), and how rough they are beside it (n,)."""
+    """The height (n,) of a plane through neighbours at the point itself, its variance (n,), and
+    how rough they are beside it (n,).
+    """
     X = np.concatenate([np.ones((*values.shape, 1)), where], axis=2)
     middle = _masked_median(values, usable, 0.0)
     off, weights = (values - middle[:, None]) / sigma, usable.astype(float)
@@ -96,10 +109,13 @@ def _neighbour_planes(
     for _ in range(CONSISTENCY_ROUNDS):
         ratio = off / (BIWEIGHT_SIGMAS * np.maximum(scale, 1.0)[:, None])
         weights = (
-            np.where(usable & (np.abs(ratio) < 1.0), (1.0 - np.minimum(ratio**2, 1.0)) ** 2, 0.0) / sigma**2
+            np.where(usable & (np.abs(ratio) < 1.0), (1.0 - np.minimum(ratio**2, 1.0)) ** 2, 0.0)
+            / sigma**2
         )
         A = np.einsum("nka,nk,nkb->nab", X, weights, X)
-        A += (RIDGE_WEIGHT + RIDGE_WEIGHT * np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
+        A += (RIDGE_WEIGHT + RIDGE_WEIGHT * np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(
+            3
+        )
         inverse = np.linalg.inv(A)
         coefficients = np.einsum("nab,nkb,nk,nk->na", inverse, X, weights, values)
         off = (values - np.einsum("nka,na->nk", X, coefficients)) / sigma

@@ -1,7 +1,8 @@
 """Distances of points from a shape, square to it or along beams, with their derivatives.
 
-Everything is in the frame of the shape: z is the normal or the axis. A slope (a, b) leans the z axis by a towards x and by b
-towards y. Signs: above a plane, outside a sphere, cylinder, cone or circle is positive.
+Everything is in the frame of the shape: z is the normal or the axis. A slope (a, b) leans the z
+axis by a towards x and by b towards y. Signs: above a plane, outside a sphere, cylinder, cone or
+circle is positive.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,8 @@ MIN_AXIS_DISTANCE_M = 1e-12  # to an axis: there no direction away from it is kn
 
 
 def shape_distances(shape: FitShape, points: Floats, radius_m: Floats, angle_rad: Floats) -> Floats:
-    """Signed distances (..., n, rows) of points (..., n, 3); a circle has two rows: off its plane, and off its line.
+    """Signed distances (..., n, rows) of points (..., n, 3); a circle has two rows: off its plane,
+    and off its line.
 
     `radius_m` and `angle_rad` (...) are those of as many shapes.
     """
@@ -79,10 +81,12 @@ GRAZING_COSINE = 0.05  # cosine: along a beam flatter than this the range means 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeamHits:
-    """Where beams meet a shape: feet (n, 3), how far the measured points lie behind them (n,), cosines (n,) with the normals.
+    """Where beams meet a shape: feet (n, 3), how far the measured points lie behind them (n,),
+    cosines (n,) with the normals.
 
-    A cosine is negative where a beam comes from outside. A beam that misses the shape, or meets it flatter than `GRAZING` (not `hit`),
-    has its measured point as its foot; the distance along it is the one to the tangent plane.
+    A cosine is negative where a beam comes from outside. A beam that misses the shape, or meets it
+    flatter than `GRAZING` (not `hit`), has its measured point as its foot; the distance along it is
+    the one to the tangent plane.
     """
 
     feet: Floats
@@ -91,8 +95,11 @@ class BeamHits:
     hit: Truths
 
 
-def beam_hits(shape: FitShape, points: Floats, beams: Floats, radius_m: float, angle_rad: float) -> BeamHits:
-    """Where beams (n, 3), unit vectors, through measured points (n, 3) meet a shape with one row of distances, in its own frame.
+def beam_hits(
+    shape: FitShape, points: Floats, beams: Floats, radius_m: float, angle_rad: float
+) -> BeamHits:
+    """Where beams (n, 3), unit vectors, through measured points (n, 3) meet a shape with one row of
+    distances, in its own frame.
 
     Of two places it is the one that is nearer to the measured point.
     """
@@ -116,7 +123,9 @@ def beam_hits(shape: FitShape, points: Floats, beams: Floats, radius_m: float, a
 def _beam_quadratic(
     shape: FitShape, points: Floats, beams: Floats, radius_m: float, angle_rad: float
 ) -> tuple[Floats, Floats, Floats]:
-    """a, b, c (n,) of a s^2 - 2 b s + c = 0, whose s is how far the points lie behind a shape along their beams."""
+    """a, b, c (n,) of a s^2 - 2 b s + c = 0, whose s is how far the points lie behind a shape
+    along their beams.
+    """
     if shape is FitShape.PLANE:
         return np.zeros(len(points)), 0.5 * beams[:, 2], points[:, 2]
     # The surface is x^2 + y^2 + up z^2 = radius^2 + 2 wider z.
@@ -131,12 +140,16 @@ def _beam_quadratic(
 
 
 def _limit_cosine(facing: Floats) -> Floats:
-    limited: Floats = np.where(np.abs(facing) < GRAZING_COSINE, np.copysign(GRAZING_COSINE, facing), facing)
+    limited: Floats = np.where(
+        np.abs(facing) < GRAZING_COSINE, np.copysign(GRAZING_COSINE, facing), facing
+    )
     return limited
 
 
 def _distance_off(shape: FitShape, points: Floats, radius_m: float, angle_rad: float) -> Floats:
-    distances_off: Floats = shape_distances(shape, points, np.asarray(radius_m), np.asarray(angle_rad))[:, 0]
+    distances_off: Floats = shape_distances(
+        shape, points, np.asarray(radius_m), np.asarray(angle_rad)
+    )[:, 0]
     return distances_off
 
 

@@ -1,9 +1,11 @@
 """Shapes fitted to measured points by consensus and least squares, for thin and wide beams.
 
-A beam of some width tells the mean of the ranges that it meets, by the strength of what each part returns: the cosine of the incidence over
-the square of the range. A beam that points a little beside its direction tells, in the mean over many, a range that is off as well, but for
-the strength. Both means are taken over seven beams each, by a rule that is exact to the fifth order for a normal distribution
-(Abramowitz & Stegun 1964, 25.4.61; Stroud 1971). On a leaning plane they are off, too, because beams spread.
+A beam of some width tells the mean of the ranges that it meets, by the strength of what each part
+returns: the cosine of the incidence over the square of the range. A beam that points a little
+beside its direction tells, in the mean over many, a range that is off as well, but for the
+strength. Both means are taken over seven beams each, by a rule that is exact to the fifth order for
+a normal distribution (Abramowitz & Stegun 1964, 25.4.61; Stroud 1971). On a leaning plane they are
+off, too, because beams spread.
 """
 
 from dataclasses import dataclass, replace
@@ -31,7 +33,9 @@ from cellwright.engine.stages.fitting.shape_distances import (
 )
 from cellwright.engine.stages.fitting.shape_guesses import SAMPLE_SIZES, ShapeGuess, guess_shapes
 
-MAX_COSINE_CHANGE = 0.05  # by this share the cosine of the incidence may change over a beam; with more, the fifth order is not enough
+# by this share the cosine of the incidence may change over a beam; with more, the fifth order is
+# not enough
+MAX_COSINE_CHANGE = 0.05
 FAN_ANGLES_RAD = np.pi / 3.0 * np.arange(6)
 FAN_NODES = np.concatenate(
     [[[0.0, 0.0]], 2.0 * np.stack([np.cos(FAN_ANGLES_RAD), np.sin(FAN_ANGLES_RAD)], axis=1)]
@@ -41,9 +45,11 @@ FAN_WEIGHTS = np.array([0.5, *[1.0 / 12.0] * 6])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _BeamFan:
-    """What beams (7, n) about each direction meet: ranges beyond the middle one's, strengths by the middle one's, and whether all hit (n,).
+    """What beams (7, n) about each direction meet: ranges beyond the middle one's, strengths by the
+    middle one's, and whether all hit (n,).
 
-    `turned` (n,) is by how much, in the mean square, the cosine of the incidence differs from the middle one's.
+    `turned` (n,) is by how much, in the mean square, the cosine of the incidence differs from the
+    middle one's.
     """
 
     longer_m: Floats
@@ -53,10 +59,12 @@ class _BeamFan:
 
 
 def narrow_beams(shape: FitShape, cloud: Cloud, at: ShapeGuess) -> tuple[Cloud, Truths]:
-    """The cloud as thin beams would have told it, for points on a shape near `at`, and the points (n,) for which that is known.
+    """The cloud as thin beams would have told it, for points on a shape near `at`, and the points
+    (n,) for which that is known.
 
-    The cloud is the same without beams, or for the rim of a hole. Which points are known follows from the directions of their beams, not
-    from their ranges, so leaving the others out does not bias a fit.
+    The cloud is the same without beams, or for the rim of a hole. Which points are known follows
+    from the directions of their beams, not from their ranges, so leaving the others out does not
+    bias a fit.
     """
     if cloud.directions is None or cloud.beam_m is None or shape is FitShape.CIRCLE:
         return cloud, np.ones(len(cloud.points), bool)
@@ -65,9 +73,13 @@ def narrow_beams(shape: FitShape, cloud: Cloud, at: ShapeGuess) -> tuple[Cloud, 
     middle = beam_hits(shape, points, beams, float(at.radius_m), float(at.angle_rad))
     own = _fan_of_beams(shape, cloud, at, beams, middle, cloud.beam_m)
     wide_m = cloud.beam_m if cloud.pointing_m is None else np.hypot(cloud.beam_m, cloud.pointing_m)
-    wide = own if cloud.pointing_m is None else _fan_of_beams(shape, cloud, at, beams, middle, wide_m)
+    wide = (
+        own if cloud.pointing_m is None else _fan_of_beams(shape, cloud, at, beams, middle, wide_m)
+    )
     share = FAN_WEIGHTS[:, None] * own.strength
-    by_strength = (share * own.longer_m).sum(axis=0) / share.sum(axis=0) - FAN_WEIGHTS @ own.longer_m
+    by_strength = (share * own.longer_m).sum(axis=0) / share.sum(
+        axis=0
+    ) - FAN_WEIGHTS @ own.longer_m
     longer = FAN_WEIGHTS @ wide.longer_m + by_strength
     usable = middle.hit & own.hit & wide.hit & (wide.turned <= MAX_COSINE_CHANGE)
     longer = np.where(usable, longer, 0.0)
@@ -77,7 +89,9 @@ def narrow_beams(shape: FitShape, cloud: Cloud, at: ShapeGuess) -> tuple[Cloud, 
 def _fan_of_beams(
     shape: FitShape, cloud: Cloud, at: ShapeGuess, beams: Floats, middle: BeamHits, wide_m: Floats
 ) -> _BeamFan:
-    """Beams about each direction, whose places across it have a standard deviation of `wide_m` (n,) where the shape is met."""
+    """Beams about each direction, whose places across it have a standard deviation of `wide_m`
+    (n,) where the shape is met.
+    """
     count = len(beams)
     u, v = _vectors_across(beams)
     aside = wide_m[:, None] * (FAN_NODES[:, :1, None] * u + FAN_NODES[:, 1:, None] * v)
@@ -109,7 +123,8 @@ def _vectors_across(beams: Floats) -> tuple[Floats, Floats]:
 
 
 BELONGING_SIGMAS = 3.5  # standard deviations: a point farther off does not belong to the shape
-USUAL_MEDIANS = 4.0  # times the median: until a shape has settled, a point farther off does not belong to it
+# times the median: until a shape has settled, a point farther off does not belong to it
+USUAL_MEDIANS = 4.0
 GUESSES_REFINED, MAX_CHOICE_ROUNDS, MAX_FIT_STEPS = (
     4,
     12,
@@ -118,9 +133,12 @@ GUESSES_REFINED, MAX_CHOICE_ROUNDS, MAX_FIT_STEPS = (
 MAX_GUESS_POINTS = 400  # points that guesses are compared over
 FIT_SEED = 20261123
 STEP_SHARES = (1.0, 0.5, 0.25, 0.1, 0.02)  # parts of a step that are tried, until one is no worse
-BEAM_PASSES = 2  # of taking out what a wide beam does: the first begins from a shape that it has moved
+# of taking out what a wide beam does: the first begins from a shape that it has moved
+BEAM_PASSES = 2
 MIN_BELONGING_SHARE = 0.5  # of the points that must belong
-MAX_RELATIVE_SIGMA = 0.05  # rad, or of a radius: with larger standard deviations, shapes are no longer linear in their parameters
+# rad, or of a radius: with larger standard deviations, shapes are no longer linear in their
+# parameters
+MAX_RELATIVE_SIGMA = 0.05
 LAST_STEP_SIGMAS = 1e-3  # standard deviations: a step that moves the shape by less is the last
 LOOSE_PARAMETER = (
     1e-9  # how much smaller than the best known direction of its parameters a shape's worst may be
@@ -128,11 +146,18 @@ LOOSE_PARAMETER = (
 
 
 def fit_measured_shape(shape: FitShape, cloud: Cloud, near: Fit | None = None) -> Fitting:
-    """The shape to which most of the points belong, or why there is none. It is looked for beside the one that it is `near` to, if one is given."""
+    """The shape to which most of the points belong, or why there is none.
+
+    It is looked for beside the one that it is `near` to, if one is given.
+    """
     if (reason := _senseless_cloud(shape, cloud)) is not None:
         return Unfitted(reason)
     every = np.ones(len(cloud.points), bool)
-    best = _best_fit(shape, cloud) if near is None else _settle_shape(shape, cloud, every, _guess_of(near))
+    best = (
+        _best_fit(shape, cloud)
+        if near is None
+        else _settle_shape(shape, cloud, every, _guess_of(near))
+    )
     if best is None:
         return Unfitted(f"no {shape} goes through the points")
     for _ in range(BEAM_PASSES if cloud.beam_m is not None else 0):
@@ -146,20 +171,25 @@ def fit_measured_shape(shape: FitShape, cloud: Cloud, near: Fit | None = None) -
 
 
 def _best_fit(shape: FitShape, cloud: Cloud) -> Fit | None:
-    """The shape that most points belong to, of those that guesses lead to; None if they lead to none.
+    """The shape that most points belong to, of those that guesses lead to; None if they lead to
+    none.
 
-    Where there are many points, the guesses are compared over some of them, and only the best one goes on with all.
+    Where there are many points, the guesses are compared over some of them, and only the best one
+    goes on with all.
     """
     every = np.ones(len(cloud.points), bool)
     some = every.copy()
     if len(cloud.points) > MAX_GUESS_POINTS:
         some[:] = False
-        some[np.random.default_rng(FIT_SEED).choice(len(cloud.points), MAX_GUESS_POINTS, replace=False)] = (
-            True
-        )
+        some[
+            np.random.default_rng(FIT_SEED).choice(
+                len(cloud.points), MAX_GUESS_POINTS, replace=False
+            )
+        ] = True
     part = _select_points(cloud, some)
     fits = [
-        _settle_shape(shape, part, some[some], guess) for guess in guess_shapes(shape, part, GUESSES_REFINED)
+        _settle_shape(shape, part, some[some], guess)
+        for guess in guess_shapes(shape, part, GUESSES_REFINED)
     ]
     ordered_fits = sorted(
         (fit for fit in fits if fit is not None), key=lambda e: (-int(e.used.sum()), e.chi2)
@@ -203,7 +233,9 @@ def _senseless_cloud(shape: FitShape, cloud: Cloud) -> str | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _LocalPoints:
-    """Points in the frame of a shape: distances and slopes by standard deviations, a row for each number; and these in metres."""
+    """Points in the frame of a shape: distances and slopes by standard deviations, a row for
+    each number; and these in metres.
+    """
 
     off: Floats
     by: Floats
@@ -211,7 +243,9 @@ class _LocalPoints:
 
 
 def _settle_shape(shape: FitShape, cloud: Cloud, among: Truths, guess: ShapeGuess) -> Fit | None:
-    """The shape after the points that belong to it, among some, have settled; None if they do not, or leave it loose."""
+    """The shape after the points that belong to it, among some, have settled; None if they do
+    not, or leave it loose.
+    """
     at, used, limit = guess, np.zeros(len(cloud.points), bool), np.inf
     for _ in range(MAX_CHOICE_ROUNDS):
         off = _worst_deviation(_local_points(shape, cloud, at), shape)
@@ -235,14 +269,20 @@ def _worst_deviation(local: _LocalPoints, shape: FitShape) -> Floats:
     return deviations
 
 
-def _local_points(shape: FitShape, cloud: Cloud, at: ShapeGuess, sigma: Floats | None = None) -> _LocalPoints:
-    """The points in the frame of a shape; `sigma` (rows,), if given, stands for the standard deviations that follow from the shape."""
+def _local_points(
+    shape: FitShape, cloud: Cloud, at: ShapeGuess, sigma: Floats | None = None
+) -> _LocalPoints:
+    """The points in the frame of a shape; `sigma` (rows,), if given, stands for the standard
+    deviations that follow from the shape.
+    """
     points = apply(inverse(at.T), cloud.points)
     radius, angle = float(at.radius_m), float(at.angle_rad)
     if cloud.directions is not None and shape is not FitShape.CIRCLE:
         off, by, own = _range_excess(shape, cloud, at, points)
     else:
-        off = shape_distances(shape, points, np.asarray(at.radius_m), np.asarray(at.angle_rad)).ravel()
+        off = shape_distances(
+            shape, points, np.asarray(at.radius_m), np.asarray(at.angle_rad)
+        ).ravel()
         by = distance_slopes(shape, points, radius, angle).reshape(len(off), -1)
         own = _sigma_square_to_shape(shape, cloud, at, points).ravel()
     sigma = own if sigma is None else sigma
@@ -256,7 +296,9 @@ def _sigma_square_to_shape(shape: FitShape, cloud: Cloud, at: ShapeGuess, points
     if cloud.directions is None:
         return sigma
     beams = cloud.directions @ at.T[:3, :3]
-    facing = np.abs((distance_normals(shape, points, float(at.angle_rad)) * beams[:, None]).sum(axis=-1))
+    facing = np.abs(
+        (distance_normals(shape, points, float(at.angle_rad)) * beams[:, None]).sum(axis=-1)
+    )
     sigma_square: Floats = sigma * np.maximum(facing, GRAZING_COSINE)
     return sigma_square
 
@@ -264,7 +306,9 @@ def _sigma_square_to_shape(shape: FitShape, cloud: Cloud, at: ShapeGuess, points
 def _range_excess(
     shape: FitShape, cloud: Cloud, at: ShapeGuess, points: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """By how much each range is too long (n,), how that changes with the shape (n, p), and its standard deviation (n,)."""
+    """By how much each range is too long (n,), how that changes with the shape (n, p), and its
+    standard deviation (n,).
+    """
     assert cloud.directions is not None
     radius, angle = float(at.radius_m), float(at.angle_rad)
     hits = beam_hits(shape, points, cloud.directions @ at.T[:3, :3], radius, angle)
@@ -272,14 +316,21 @@ def _range_excess(
     if cloud.pointing_m is not None:
         tangent = np.sqrt(np.maximum(1.0 - hits.facing**2, 0.0)) / np.abs(hits.facing)
         sigma = np.hypot(sigma, cloud.pointing_m * tangent)
-    return hits.behind_m, distance_slopes(shape, hits.feet, radius, angle)[:, 0] / hits.facing[:, None], sigma
+    return (
+        hits.behind_m,
+        distance_slopes(shape, hits.feet, radius, angle)[:, 0] / hits.facing[:, None],
+        sigma,
+    )
 
 
-def _least_squares(shape: FitShape, cloud: Cloud, at: ShapeGuess, used: Truths) -> ShapeGuess | None:
-    """The nearest shape with the least squares over the used points: steps of Gauss and Newton, halved where they overshoot.
+def _least_squares(
+    shape: FitShape, cloud: Cloud, at: ShapeGuess, used: Truths
+) -> ShapeGuess | None:
+    """The nearest shape with the least squares over the used points: steps of Gauss and Newton,
+    halved where they overshoot.
 
-    The weights stay those of the first shape. If they followed each step, the least sum would be at a shape that makes the deviations look
-    large, not at the one that the points lie on.
+    The weights stay those of the first shape. If they followed each step, the least sum would be at
+    a shape that makes the deviations look large, not at the one that the points lie on.
     """
     some = _select_points(cloud, used)
     at = _centre_shape(shape, some, at)
@@ -290,7 +341,9 @@ def _least_squares(shape: FitShape, cloud: Cloud, at: ShapeGuess, used: Truths) 
         if not np.isfinite(step).all():
             return None
         for part in STEP_SHARES:
-            moved = _centre_shape(shape, some, _step_shape(shape, at, np.asarray(part * step, float)))
+            moved = _centre_shape(
+                shape, some, _step_shape(shape, at, np.asarray(part * step, float))
+            )
             moved_local = _local_points(shape, some, moved, local.sigma)
             if (now := float(moved_local.off @ moved_local.off)) <= cost:
                 break
@@ -305,7 +358,9 @@ def _least_squares(shape: FitShape, cloud: Cloud, at: ShapeGuess, used: Truths) 
 def _select_points(cloud: Cloud, used: Truths) -> Cloud:
     beams = (cloud.directions, cloud.beam_m, cloud.pointing_m, cloud.range_m)
     return Cloud(
-        cloud.points[used], cloud.sigma_m[used], *(None if beam is None else beam[used] for beam in beams)
+        cloud.points[used],
+        cloud.sigma_m[used],
+        *(None if beam is None else beam[used] for beam in beams),
     )
 
 
@@ -321,27 +376,39 @@ def _step_shape(shape: FitShape, at: ShapeGuess, step: Floats) -> ShapeGuess:
 def _centre_shape(shape: FitShape, cloud: Cloud, at: ShapeGuess) -> ShapeGuess:
     """The same shape with its origin amid the points, as far as it may move along the shape."""
     x, y, z = apply(inverse(at.T), cloud.points.mean(axis=0, keepdims=True))[0]
-    shift = {FitShape.PLANE: (x, y, 0.0), FitShape.CYLINDER: (0.0, 0.0, z), FitShape.CONE: (0.0, 0.0, z)}.get(
-        shape
-    )
+    shift = {
+        FitShape.PLANE: (x, y, 0.0),
+        FitShape.CYLINDER: (0.0, 0.0, z),
+        FitShape.CONE: (0.0, 0.0, z),
+    }.get(shape)
     if shift is None:
         return at
     wider = shift[2] * np.tan(at.angle_rad)
-    return replace(at, T=at.T @ transform(np.eye(3), shift), radius_m=np.asarray(at.radius_m + wider))
+    return replace(
+        at, T=at.T @ transform(np.eye(3), shift), radius_m=np.asarray(at.radius_m + wider)
+    )
 
 
 def _finish_fit(shape: FitShape, cloud: Cloud, at: ShapeGuess, used: Truths) -> Fit | None:
-    """The fit with its covariance; None if the points leave something loose, or if it is turned inside out."""
+    """The fit with its covariance; None if the points leave something loose, or if it is turned
+    inside out.
+    """
     at = _towards_widening(at)
     local = _local_points(shape, _select_points(cloud, used), at)
     values, vectors = np.linalg.eigh(_scaled_normal_matrix(local.by))
-    if values[0] <= LOOSE_PARAMETER * values[-1] or at.radius_m < 0 or not abs(at.angle_rad) < np.pi / 2:
+    if (
+        values[0] <= LOOSE_PARAMETER * values[-1]
+        or at.radius_m < 0
+        or not abs(at.angle_rad) < np.pi / 2
+    ):
         return None
     scale = np.sqrt((local.by**2).sum(axis=0))
     covariance = (vectors / values) @ vectors.T / np.outer(scale, scale)
     freedom = len(local.off) - len(SHAPE_PARAMETERS[shape])
     chi2 = float(local.off @ local.off)
-    return Fit(shape, at.T, float(at.radius_m), float(at.angle_rad), covariance, used, chi2, freedom)
+    return Fit(
+        shape, at.T, float(at.radius_m), float(at.angle_rad), covariance, used, chi2, freedom
+    )
 
 
 def _towards_widening(at: ShapeGuess) -> ShapeGuess:

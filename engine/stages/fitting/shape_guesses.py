@@ -1,7 +1,8 @@
 """First guesses of a shape through a few points each, ordered by how many points agree.
 
-Random sample consensus (Fischler & Bolles 1981); cylinders and cones from points with normals as in Schnabel, Wahl & Klein,
-"Efficient RANSAC for point-cloud shape detection" (2007). The same points give the same guesses.
+Random sample consensus (Fischler & Bolles 1981); cylinders and cones from points with normals as in
+Schnabel, Wahl & Klein, "Efficient RANSAC for point-cloud shape detection" (2007). The same points
+give the same guesses.
 """
 
 from dataclasses import dataclass
@@ -29,7 +30,9 @@ GUESS_SEED = 20261123
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShapeGuess:
-    """Shapes of one kind at T_world_shape (..., 4, 4), with the radius and the angle of each (...)."""
+    """Shapes of one kind at T_world_shape (..., 4, 4), with the radius and the angle of each
+    (...).
+    """
 
     T: Floats
     radius_m: Floats
@@ -40,10 +43,15 @@ class ShapeGuess:
 
 
 def guess_shapes(shape: FitShape, cloud: Cloud, best: int) -> list[ShapeGuess]:
-    """The best guesses, the one that most points agree with first; none where no few points have such a shape."""
+    """The best guesses, the one that most points agree with first; none where no few points
+    have such a shape.
+    """
     random = np.random.default_rng(GUESS_SEED)
     picked = np.stack(
-        [random.choice(len(cloud.points), SAMPLE_SIZES[shape], replace=False) for _ in range(GUESSES)]
+        [
+            random.choice(len(cloud.points), SAMPLE_SIZES[shape], replace=False)
+            for _ in range(GUESSES)
+        ]
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         guess = _shapes_through(shape, cloud.points, picked)
@@ -52,16 +60,24 @@ def guess_shapes(shape: FitShape, cloud: Cloud, best: int) -> list[ShapeGuess]:
     return [guess[int(number)] for number in order[:best] if np.isfinite(costs[number])]
 
 
-def _guess_costs(shape: FitShape, cloud: Cloud, guess: ShapeGuess, random: np.random.Generator) -> Floats:
+def _guess_costs(
+    shape: FitShape, cloud: Cloud, guess: ShapeGuess, random: np.random.Generator
+) -> Floats:
     """How badly points agree with each guess (m,); infinite for what is no shape."""
     count = len(cloud.points)
     some = random.choice(count, min(count, LOOKED_AT), replace=False)
-    sound = np.isfinite(guess.T).all(axis=(1, 2)) & np.isfinite(guess.radius_m) & np.isfinite(guess.angle_rad)
+    sound = (
+        np.isfinite(guess.T).all(axis=(1, 2))
+        & np.isfinite(guess.radius_m)
+        & np.isfinite(guess.angle_rad)
+    )
     costs = np.full(len(sound), np.inf)
     if sound.any():
         sound_guess = guess[np.flatnonzero(sound)]
         local = apply(inverse(sound_guess.T), cloud.points[some])
-        off = np.abs(shape_distances(shape, local, sound_guess.radius_m, sound_guess.angle_rad)).max(axis=-1)
+        off = np.abs(
+            shape_distances(shape, local, sound_guess.radius_m, sound_guess.angle_rad)
+        ).max(axis=-1)
         costs[sound] = np.minimum(
             off / cloud.sigma_m[some], FAR_SIGMAS * _noise_spread(off / cloud.sigma_m[some])
         ).mean(axis=1)
@@ -69,7 +85,9 @@ def _guess_costs(shape: FitShape, cloud: Cloud, guess: ShapeGuess, random: np.ra
 
 
 def _noise_spread(off: Floats) -> float:
-    """What the best guess deviates at most points: guesses from noisy normals lie worse than the noise."""
+    """What the best guess deviates at most points: guesses from noisy normals lie worse than
+    the noise.
+    """
     return max(1.0, float(np.median(off, axis=1).min()))
 
 
@@ -80,16 +98,22 @@ def _shapes_through(shape: FitShape, points: Floats, picked: Longs) -> ShapeGues
         return ShapeGuess(_axis_frames(_normals_of(chosen), chosen.mean(axis=1)), none, none)
     if shape is FitShape.SPHERE:
         centre, radius = _spheres_through(chosen)
-        return ShapeGuess(transform(np.broadcast_to(np.eye(3), (len(picked), 3, 3)), centre), radius, none)
+        return ShapeGuess(
+            transform(np.broadcast_to(np.eye(3), (len(picked), 3, 3)), centre), radius, none
+        )
     if shape is FitShape.CIRCLE:
         centre, radius = _circles_through(chosen)
         return ShapeGuess(_axis_frames(_normals_of(chosen), centre), radius, none)
     directions = normals_at(points)[picked]
-    return (_cylinders_through if shape is FitShape.CYLINDER else _cones_through)(chosen, directions)
+    return (_cylinders_through if shape is FitShape.CYLINDER else _cones_through)(
+        chosen, directions
+    )
 
 
 def normals_at(points: Floats) -> Floats:
-    """The normals (n, 3) of a surface at its points, each from its neighbours; their signs mean nothing."""
+    """The normals (n, 3) of a surface at its points, each from its neighbours; their signs mean
+    nothing.
+    """
     count = min(len(points), max(NORMAL_NEIGHBOURS, len(points) // 16))
     _, near = cKDTree(points).query(points, count)
     around = points[near]
@@ -161,4 +185,6 @@ def _cones_through(chosen: Floats, directions: Floats) -> ShapeGuess:
     axis = np.where(((rays * axis[:, None]).sum(axis=2).mean(axis=1) < 0)[:, None], -axis, axis)
     angle = np.arccos(np.clip((rays * axis[:, None]).sum(axis=2).mean(axis=1), -1.0, 1.0))
     height = ((chosen - apex[:, None]) * axis[:, None]).sum(axis=2).mean(axis=1)
-    return ShapeGuess(_axis_frames(axis, apex + height[:, None] * axis), height * np.tan(angle), angle)
+    return ShapeGuess(
+        _axis_frames(axis, apex + height[:, None] * axis), height * np.tan(angle), angle
+    )

@@ -29,7 +29,9 @@ MIDDLE_NAMES = {
 
 
 def relate_fits(first: Fit, second: Fit) -> tuple[Related, ...]:
-    """What can be said of the two: the distance from a plane or an axis, from centre to centre, the angle between their directions."""
+    """What can be said of the two: the distance from a plane or an axis, from centre to centre,
+    the angle between their directions.
+    """
     relations = [] if (distance := _distance_between(first, second)) is None else [distance]
     if first.shape in SHAPES_WITH_DIRECTION and second.shape in SHAPES_WITH_DIRECTION:
         relations.append(_angle_between(first, second))
@@ -37,9 +39,14 @@ def relate_fits(first: Fit, second: Fit) -> tuple[Related, ...]:
 
 
 def _distance_between(fit_a: Fit, fit_b: Fit) -> Related | None:
-    """Of a plane and something else it is from the plane, of an axis and something else from the axis."""
+    """Of a plane and something else it is from the plane, of an axis and something else from
+    the axis.
+    """
     for first, second in ((fit_a, fit_b), (fit_b, fit_a)):
-        leaning = second.shape in SHAPES_WITH_AXIS and abs(float(first.axis @ second.axis)) > PARALLEL_SINE
+        leaning = (
+            second.shape in SHAPES_WITH_AXIS
+            and abs(float(first.axis @ second.axis)) > PARALLEL_SINE
+        )
         if first.shape is FitShape.PLANE:
             return None if leaning else _from_plane(first, second)
     for first, second in ((fit_a, fit_b), (fit_b, fit_a)):
@@ -53,16 +60,23 @@ def _distance_between(fit_a: Fit, fit_b: Fit) -> Related | None:
 
 
 def _from_plane(plane: Fit, second: Fit) -> Related:
-    """How far the origin of the other shape lies from the plane, in m; of a plane or an axis, that is amid its points."""
+    """How far the origin of the other shape lies from the plane, in m; of a plane or an axis,
+    that is amid its points.
+    """
     x, y, z = plane.T_world_shape[:3, :3].T @ (second.origin - plane.origin)
     own = np.array([-1.0, x, y]) @ plane.covariance @ np.array([-1.0, x, y])
-    meaning = f"of the {MIDDLE_NAMES[second.shape]} from the {'first ' if second.shape is FitShape.PLANE else ''}plane"
+    meaning = (
+        f"of the {MIDDLE_NAMES[second.shape]} from the "
+        f"{'first ' if second.shape is FitShape.PLANE else ''}plane"
+    )
     sigma = math.sqrt(float(own) + _origin_variance(second, plane.axis))
     return Related("distance", abs(float(z)), sigma, meaning)
 
 
 def _from_axis(axial: Fit, second: Fit) -> Related:
-    """How far the origin of the other shape lies from the axis, in m; of another axis, that is amid its points."""
+    """How far the origin of the other shape lies from the axis, in m; of another axis, that is
+    amid its points.
+    """
     x, y, z = axial.T_world_shape[:3, :3].T @ (second.origin - axial.origin)
     length = math.hypot(x, y)
     u, v = (x / length, y / length) if length > SAME_PLACE else (1.0, 0.0)
@@ -85,7 +99,9 @@ def _centre_distance(first: Fit, second: Fit) -> Related:
 
 
 def _origin_variance(fit: Fit, along: Floats) -> float:
-    """The variance of a shape's origin along a direction (3,) of the world, as far as the shape has a place in it."""
+    """The variance of a shape's origin along a direction (3,) of the world, as far as the shape
+    has a place in it.
+    """
     local = fit.T_world_shape[:3, :3].T @ along
     names = SHAPE_PARAMETERS[fit.shape]
     placed_axes = [(axis, names.index(name)) for axis, name in enumerate("xyz") if name in names]
@@ -100,7 +116,9 @@ def _angle_between(first: Fit, second: Fit) -> Related:
     sine = float(np.linalg.norm(across))
     turn = across / sine if sine > SAME_PLACE else first.T_world_shape[:3, 0]
     sigma = math.sqrt(_tilt_variance(first, turn) + _tilt_variance(second, turn))
-    return Related("angle", math.atan2(sine, abs(facing)), sigma, _directions_in_words(first, second))
+    return Related(
+        "angle", math.atan2(sine, abs(facing)), sigma, _directions_in_words(first, second)
+    )
 
 
 def _directions_in_words(first: Fit, second: Fit) -> str:

@@ -1,1 +1,4 @@
-"""Geometry: frames and the world model, arms, parts, collision and the region tree. It plans no motion."""
+"""Geometry: frames and the world model, arms, parts, collision and the region tree.
+
+It plans no motion.
+"""

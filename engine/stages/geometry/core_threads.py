@@ -15,7 +15,9 @@ STRETCH_ROWS = 1024  # rows whose carrier poses are in memory at a time
 def usable_cores() -> int:
     """How many cores this program may use. CELLWRIGHT_THREADS lowers the number."""
     setting = os.environ.get("CELLWRIGHT_THREADS", "")
-    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    allowed = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     return max(1, min(allowed, int(setting))) if is_count(setting) else allowed
 
 
@@ -27,7 +29,9 @@ def run_in_stretches(count: int, work: Callable[[int, int], None]) -> None:
     if count <= STRETCH_ROWS:
         work(0, count)
         return
-    stretches = [(first, min(first + STRETCH_ROWS, count)) for first in range(0, count, STRETCH_ROWS)]
+    stretches = [
+        (first, min(first + STRETCH_ROWS, count)) for first in range(0, count, STRETCH_ROWS)
+    ]
     threads = min(len(stretches), usable_cores())
     if threads < 2:
         for first, after in stretches:

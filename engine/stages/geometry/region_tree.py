@@ -21,12 +21,17 @@ from cellwright.engine.stages.geometry.shapes.convex_pieces import (
     pack_pieces,
     select_pieces,
 )
-from cellwright.engine.stages.geometry.shapes.hulls import COVER_ROUNDING_M, UncoveredPoint, cover_piece
+from cellwright.engine.stages.geometry.shapes.hulls import (
+    COVER_ROUNDING_M,
+    UncoveredPoint,
+    cover_piece,
+)
 from cellwright.engine.stages.geometry.world.collision_scene import pieces_of_region
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 
 MANY_CHANGES = 64  # one change in so many regions, or more, is worth a new hierarchy
-ROUNDING_SLACK = 1e-9  # metres, or parts of a coordinate: boxes are so much larger than what is in them
+# metres, or parts of a coordinate: boxes are so much larger than what is in them
+ROUNDING_SLACK = 1e-9
 GROWTH_LOCK = Lock()
 Words = NDArray[np.object_]
 
@@ -39,7 +44,9 @@ class GrowingColumn:
     used: int
 
     def extended(self, count: int, more: NDArray[Any]) -> "GrowingColumn":
-        """With more rows behind the first `count`: in place, unless another index has already put its rows there."""
+        """With more rows behind the first `count`: in place, unless another index has already
+        put its rows there.
+        """
         rows_needed = count + len(more)
         with GROWTH_LOCK:
             free = self.used == count and rows_needed <= len(self.rows)
@@ -59,7 +66,10 @@ class GrowingColumn:
 
 @dataclass(frozen=True, eq=False)
 class RegionIndex:
-    """Solid regions by name, each with the number of its row. `count`, `corners` and `nodes` tell how many rows are of this index."""
+    """Solid regions by name, each with the number of its row.
+
+    `count`, `corners` and `nodes` tell how many rows are of this index.
+    """
 
     numbers: Mapping[str, int]
     names: GrowingColumn
@@ -100,7 +110,11 @@ class RegionIndex:
         named = numbers | {name: self.count + n for n, name in enumerate(added)}
         index = replace(self._with_rows(packed, list(added)), numbers=named)
         changes, useless = len(gone) + len(added), index.count - len(named)
-        if changes * MANY_CHANGES > len(named) or useless > len(named) or index.nodes > 8 * len(named):
+        if (
+            changes * MANY_CHANGES > len(named)
+            or useless > len(named)
+            or index.nodes > 8 * len(named)
+        ):
             return _compact_index(index)
         for name in gone:
             index = index._removed(self.numbers[name])
@@ -153,13 +167,17 @@ def boxes_around(bounds: Floats) -> Floats:
 
 def index_of(pieces: Mapping[str, ConvexPiece]) -> RegionIndex:
     """The index of some solid regions."""
-    return _build_index({name: n for n, name in enumerate(pieces)}, pack_pieces(list(pieces.values())))
+    return _build_index(
+        {name: n for n, name in enumerate(pieces)}, pack_pieces(list(pieces.values()))
+    )
 
 
 def _compact_index(index: RegionIndex) -> RegionIndex:
     """The same regions in arrays of their own."""
     rows = np.array(list(index.numbers.values()), dtype=np.int64)
-    return _build_index({name: n for n, name in enumerate(index.numbers)}, select_pieces(index.pieces, rows))
+    return _build_index(
+        {name: n for n, name in enumerate(index.numbers)}, select_pieces(index.pieces, rows)
+    )
 
 
 def _build_index(numbers: Mapping[str, int], p: Pieces) -> RegionIndex:
@@ -209,7 +227,10 @@ EMPTY_INDEX = index_of({})
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TreeRegion:
-    """A region that stands in the world (carrier 0). `piece.body` is what a hit is called; only solid ones are hit."""
+    """A region that stands in the world (carrier 0).
+
+    `piece.body` is what a hit is called; only solid ones are hit.
+    """
 
     name: str
     piece: ConvexPiece
@@ -236,7 +257,9 @@ class RegionCover:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegionTree:
-    """Regions by name, what covers each, the children of those that have any, and where the solid ones are found."""
+    """Regions by name, what covers each, the children of those that have any, and where the
+    solid ones are found.
+    """
 
     regions: Mapping[str, TreeRegion]
     covers: Mapping[str, RegionCover]
@@ -251,13 +274,15 @@ class RegionTree:
     def attached(self, regions: Iterable[TreeRegion], nested: bool = False) -> "RegionTree":
         """The tree with more regions; `nested` ones are known to lie within their parents.
 
-        Raises `OutsideError` when one reaches out of its ancestors, `ValueError` for a name that is there already, an
-        unknown parent, a circle, or a region that is not in the world, or not of finite size.
+        Raises `OutsideError` when one reaches out of its ancestors, `ValueError` for a name that is
+        there already, an unknown parent, a circle, or a region that is not in the world, or not of
+        finite size.
         """
         return self._changed({}, list(regions), nested)
 
     def detached(self, name: str) -> "tuple[RegionTree, tuple[TreeRegion, ...]]":
-        """The tree without a region and all that lies below it, and what was taken off; attaching that restores it.
+        """The tree without a region and all that lies below it, and what was taken off; attaching
+        that restores it.
 
         Raises `KeyError` for an unknown name.
         """
@@ -265,7 +290,8 @@ class RegionTree:
         return self._changed(taken, [], False), tuple(taken.values())
 
     def moved(self, name: str, T: Floats, parents: tuple[str, ...] | None = None) -> "RegionTree":
-        """The tree after a region, with all that lies below it, was displaced by T (4, 4) in the world.
+        """The tree after a region, with all that lies below it, was displaced by T (4, 4) in the
+        world.
 
         It may get other parents. Raises as `attached` and `detached` do.
         """
@@ -273,12 +299,16 @@ class RegionTree:
         displaced = [_displace_region(region, T) for region in taken.values()]
         if parents is not None:
             displaced = [
-                replace(region, parents=parents) if region.name == name else region for region in displaced
+                replace(region, parents=parents) if region.name == name else region
+                for region in displaced
             ]
         return self._changed(taken, displaced, False)
 
     def below(self, name: str) -> frozenset[str]:
-        """The names of all regions that a region is an ancestor of. Raises `KeyError` for an unknown name."""
+        """The names of all regions that a region is an ancestor of.
+
+        Raises `KeyError` for an unknown name.
+        """
         if name not in self.regions:
             raise KeyError(f"no region '{name}'")
         descendants: set[str] = set()
@@ -306,7 +336,9 @@ class RegionTree:
         _refuse_misfits(everything, added)
         everything |= added
         for region in _in_order(added, everything):
-            covers[region.name] = _trusted_cover(region) if nested else _cover_of(region, everything)
+            covers[region.name] = (
+                _trusted_cover(region) if nested else _cover_of(region, everything)
+            )
         solid = {name: region.piece for name, region in added.items() if region.solid}
         index = self.index.changed([name for name, region in gone.items() if region.solid], solid)
         return RegionTree(everything, covers, _updated_children(self.children, gone, added), index)
@@ -322,7 +354,8 @@ class RegionTree:
         return self.index.hierarchy
 
     def hits(self, queries: Sequence[ConvexPiece]) -> list[tuple[str, ...]]:
-        """For each of some pieces of the world (a point or segment, with or without a radius, a block, ...) what it hits, by name.
+        """For each of some pieces of the world (a point or segment, with or without a radius, a
+        block, ...) what it hits, by name.
 
         Raises `ValueError`, as all questions do, for what is not a finite number.
         """
@@ -335,7 +368,8 @@ class RegionTree:
     def contacts(
         self, pieces: Sequence[ConvexPiece], T_world_body: Floats, within_m: float = 0.0
     ) -> tuple[Contact, ...]:
-        """Everything solid that is nearer than `within_m` to a body that flies free, nearest first, with depth and points.
+        """Everything solid that is nearer than `within_m` to a body that flies free, nearest first,
+        with depth and points.
 
         Its pieces hang on one carrier at a pose (4, 4).
         """
@@ -383,7 +417,8 @@ def _updated_children(
     lineage = {name: below for name, below in children.items() if name not in gone}
     if gone:
         lineage = {
-            name: tuple(child for child in below if child not in gone) for name, below in lineage.items()
+            name: tuple(child for child in below if child not in gone)
+            for name, below in lineage.items()
         }
     more: dict[str, list[str]] = {}
     for name, region in added.items():
@@ -403,7 +438,9 @@ def _refuse_misfits(existing: Mapping[str, TreeRegion], added: Mapping[str, Tree
             raise ValueError(f"region '{name}' has a size or a pose that is not a finite number")
 
 
-def _in_order(added: Mapping[str, TreeRegion], existing: Mapping[str, TreeRegion]) -> list[TreeRegion]:
+def _in_order(
+    added: Mapping[str, TreeRegion], existing: Mapping[str, TreeRegion]
+) -> list[TreeRegion]:
     """The added regions, parents first."""
     above: dict[str, set[str]] = {}
     for name, region in added.items():
@@ -418,7 +455,10 @@ def _in_order(added: Mapping[str, TreeRegion], existing: Mapping[str, TreeRegion
 
 
 def _cover_of(region: TreeRegion, existing: Mapping[str, TreeRegion]) -> RegionCover:
-    """The parents, or, when the region reaches out of them, all ancestors. Raises `OutsideError`."""
+    """The parents, or, when the region reaches out of them, all ancestors.
+
+    Raises `OutsideError`.
+    """
     if not region.parents:
         return RegionCover((), 0.0)
     hole: UncoveredPoint | None = None
@@ -454,23 +494,28 @@ def _displace_region(region: TreeRegion, T: Floats) -> TreeRegion:
     return replace(region, piece=_place_piece(region.piece, T))
 
 
-def nested_boxes(name: str, pieces: Sequence[ConvexPiece], parents: tuple[str, ...] = ()) -> list[TreeRegion]:
+def nested_boxes(
+    name: str, pieces: Sequence[ConvexPiece], parents: tuple[str, ...] = ()
+) -> list[TreeRegion]:
     """Pieces that stand in the world as solid regions.
 
-    A single piece is a region with the given name. Of several pieces the box around them, along the axes of the first, has
-    this name; the pieces are its children `NAME#0`, `NAME#1`, ...
+    A single piece is a region with the given name. Of several pieces the box around them, along the
+    axes of the first, has this name; the pieces are its children `NAME#0`, `NAME#1`, ...
     """
     if len(pieces) == 1:
         return [TreeRegion(name, pieces[0], parents, solid=True)]
-    inside = [TreeRegion(f"{name}#{n}", piece, (name,), solid=True) for n, piece in enumerate(pieces)]
+    inside = [
+        TreeRegion(f"{name}#{n}", piece, (name,), solid=True) for n, piece in enumerate(pieces)
+    ]
     return [TreeRegion(name, bounding_block(pieces), parents), *inside]
 
 
 def declared_tree(world: GeometricWorld) -> tuple[RegionTree, tuple[OutsideError, ...]]:
-    """The tree of the regions that a cell declares, and the regions that reach out of their parents.
+    """The tree of the regions that a cell declares, and the regions that reach out of their
+    parents.
 
-    Regions on an arm are left out. A region that reaches out of its parents becomes a root, so that the tree
-    is still right. A region made of many pieces counts as the box around it.
+    Regions on an arm are left out. A region that reaches out of its parents becomes a root, so that
+    the tree is still right. A region made of many pieces counts as the box around it.
     """
     tree, outside = RegionTree.of([]), []
     for name in _parents_first(world):

@@ -25,7 +25,9 @@ def of_pose(pose: Pose) -> Floats:
 
 @functools.lru_cache(4096)
 def _pose_matrix(pose: Pose) -> Floats:
-    """The same matrix, made once: a cell has few poses, and every scene of it asks for all of them."""
+    """The same matrix, made once: a cell has few poses, and every scene of it asks for all of
+    them.
+    """
     roll, pitch, yaw = pose.rpy_rad
     R = matmul(rotation((0, 0, 1), yaw), rotation((0, 1, 0), pitch), rotation((1, 0, 0), roll))
     return transform(R, pose.position_m)

@@ -1,9 +1,10 @@
 """The path of a hand to its grasp in the grasp plane, among what is seen around the part.
 
-The plane is midway between the two facets that are held. The hand moves in it by y and z and turns about the closing
-direction. Fingers, cross-piece and sensor each lie in their own layer along this direction, so each meets only the obstacles of
-its layer. `complete` looks at all poses of a grid, so it finds a way if the grid has one. `by_potential` is the seed's way:
-quick, and stuck where pull and push are in balance.
+The plane is midway between the two facets that are held. The hand moves in it by y and z and turns
+about the closing direction. Fingers, cross-piece and sensor each lie in their own layer along this
+direction, so each meets only the obstacles of its layer. `complete` looks at all poses of a grid,
+so it finds a way if the grid has one. `by_potential` is the seed's way: quick, and stuck where pull
+and push are in balance.
 """
 
 from dataclasses import dataclass
@@ -18,14 +19,18 @@ from cellwright.engine.ports import Gripper
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraspPlane:
-    """What stands around a grasp: obstacle points (n, 3) in the frame of the hand at the grasp, and how it is opened."""
+    """What stands around a grasp: obstacle points (n, 3) in the frame of the hand at the grasp,
+    and how it is opened.
+    """
 
     points: Floats
     hand: Gripper
     opening: tuple[float, ...]
 
     def layers(self) -> list[tuple[Floats, Floats, Floats]]:
-        """For each block of the hand: its middle (2,) and half extents (2,) in the plane, and its obstacles (m, 2)."""
+        """For each block of the hand: its middle (2,) and half extents (2,) in the plane, and
+        its obstacles (m, 2).
+        """
         layers = []
         for middle, half in zip(*self.hand.blocks(self.opening), strict=True):
             inside = np.abs(self.points[:, 0] - middle[0]) < half[0]
@@ -52,7 +57,9 @@ def _turned_back(points: Floats, turn: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class ApproachGrid:
-    """The poses that `complete` looks at: within `reach_m` of the grasp, every `step_m`, at `turns` angles of a whole turn."""
+    """The poses that `complete` looks at: within `reach_m` of the grasp, every `step_m`, at
+    `turns` angles of a whole turn.
+    """
 
     reach_m: float = 0.3
     step_m: float = 0.005
@@ -79,7 +86,9 @@ class ApproachGrid:
         return round(float(pose[2]) / (2 * np.pi) * self.turns) % self.turns, y, z
 
 
-def plan_approach(plane: GraspPlane, start: Floats, grid: ApproachGrid | None = None) -> ApproachAnswer:
+def plan_approach(
+    plane: GraspPlane, start: Floats, grid: ApproachGrid | None = None
+) -> ApproachAnswer:
     """A shortest way on a grid from a pose (3,) to the grasp, which is (0, 0, 0)."""
     grid = grid or ApproachGrid()
     blocked = _blocked_cells(plane, grid)
@@ -93,7 +102,9 @@ def plan_approach(plane: GraspPlane, start: Floats, grid: ApproachGrid | None = 
     if distance[begin] < 0:
         inner = np.argwhere(distance >= 0)
         near = inner[np.argmin(np.abs(inner[:, 1:] - begin[1:]).sum(axis=1))]
-        return NoApproach("what stands around the part closes every way", grid.pose(tuple(map(int, near))))
+        return NoApproach(
+            "what stands around the part closes every way", grid.pose(tuple(map(int, near)))
+        )
     cells = _descend_to_grasp(distance, begin)
     return HandApproach(np.array([start, *(grid.pose(cell) for cell in cells[1:-1]), np.zeros(3)]))
 
@@ -131,23 +142,31 @@ def _mark_rectangles(
     wide[at[inside, 0] + 80, at[inside, 1] + 80] = True
     reach = int(np.ceil(np.linalg.norm(half) / step))
     y, z = np.mgrid[-reach : reach + 1, -reach : reach + 1] * step
-    stamp = (np.abs(c * y + s * z) < half[0] + step / 2) & (np.abs(-s * y + c * z) < half[1] + step / 2)
+    stamp = (np.abs(c * y + s * z) < half[0] + step / 2) & (
+        np.abs(-s * y + c * z) < half[1] + step / 2
+    )
 
     layer |= _dilate_marks(wide, stamp)[80:-80, 80:-80]
 
 
 def _dilate_marks(marks: Truths, stamp: Truths) -> Truths:
     """Where a stamp (2a + 1, 2b + 1) reaches that is centred at each of the marks (n, m)."""
-    sizes = [next_fast_len(n + k - 1, real=True) for n, k in zip(marks.shape, stamp.shape, strict=True)]
+    sizes = [
+        next_fast_len(n + k - 1, real=True) for n, k in zip(marks.shape, stamp.shape, strict=True)
+    ]
     spectra = (rfft2(picture.astype(np.float32), sizes) for picture in (marks, stamp))
     first, second = (k // 2 for k in stamp.shape)
     counted = irfft2(next(spectra) * next(spectra), sizes)
-    dilated: Truths = counted[first : first + marks.shape[0], second : second + marks.shape[1]] > 0.5
+    dilated: Truths = (
+        counted[first : first + marks.shape[0], second : second + marks.shape[1]] > 0.5
+    )
     return dilated
 
 
 def _distance_wave(blocked: Truths, end: tuple[int, ...], begin: tuple[int, ...]) -> Longs:
-    """The number of steps from each free cell to the end, until the beginning is reached; -1 beyond."""
+    """The number of steps from each free cell to the end, until the beginning is reached; -1
+    beyond.
+    """
     distance = np.full(blocked.shape, -1, dtype=np.int64)
     front = np.zeros(blocked.shape, dtype=bool)
     front[end], distance[end], step = True, 0, 0
@@ -182,9 +201,11 @@ def _descend_to_grasp(distance: Longs, begin: tuple[int, int, int]) -> list[tupl
 
 
 def approach_by_potential(plane: GraspPlane, start: Floats, rounds: int = 600) -> ApproachAnswer:
-    """The way that pull towards the grasp and push from obstacles lead (Khatib 1986); stuck in a balance of both.
+    """The way that pull towards the grasp and push from obstacles lead (Khatib 1986); stuck in a
+    balance of both.
 
-    The pull acts on the point between the tips, and on the turn. Each block is pushed by the nearest of its obstacles.
+    The pull acts on the point between the tips, and on the turn. Each block is pushed by the
+    nearest of its obstacles.
     """
     pose, path = np.array(start, dtype=float), [np.array(start, dtype=float)]
     if not plane.free(np.zeros((1, 3)))[0] or not plane.free(pose[None])[0]:
@@ -200,7 +221,8 @@ def approach_by_potential(plane: GraspPlane, start: Floats, rounds: int = 600) -
             * min(0.004, 0.3 * max(float(np.linalg.norm(pose * [1, 1, 0.1])), 0.002))
         )
         moved = next(
-            (pose + step * k for k in (1.0, 0.3, 0.1) if plane.free((pose + step * k)[None])[0]), None
+            (pose + step * k for k in (1.0, 0.3, 0.1) if plane.free((pose + step * k)[None])[0]),
+            None,
         )
         if moved is None or (len(path) > 20 and np.abs(moved - path[-20]).max() < 0.002):
             return NoApproach("pull and push are in balance before the grasp", pose)
@@ -227,7 +249,15 @@ def _push_from_obstacles(plane: GraspPlane, pose: Floats, reach_m: float = 0.02)
         away = np.linalg.norm(local - nearest, axis=1)
         n = int(np.argmin(away))
         if 0 < away[n] < reach_m:
-            push = R @ (nearest[n] - local[n]) / away[n] * 0.6 * (reach_m / away[n] - 1) * reach_m / 0.02
+            push = (
+                R
+                @ (nearest[n] - local[n])
+                / away[n]
+                * 0.6
+                * (reach_m / away[n] - 1)
+                * reach_m
+                / 0.02
+            )
             arm = R @ (nearest[n] + middle)
             force += [push[0], push[1], 20.0 * (arm[0] * push[1] - arm[1] * push[0])]
     return force

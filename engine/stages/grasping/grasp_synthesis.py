@@ -1,6 +1,7 @@
 """Grasps of a part by parallel jaws or by three fingers: where they touch and what they hold.
 
-A triangle may be a line or a point: what is seen of an unknown thing is a line of sight that is blocked.
+A triangle may be a line or a point: what is seen of an unknown thing is a line of sight that is
+blocked.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,9 +18,11 @@ from cellwright.engine.stages.grasping.kernels.meeting import Blocks, meeting
 
 
 def blocks_meet(T: Floats, middles: Floats, halves: Floats, triangles: Floats) -> Truths:
-    """Whether any triangle (m, 3, 3) meets any of the blocks, for each pose (n, 4, 4) of their frame (n,).
+    """Whether any triangle (m, 3, 3) meets any of the blocks, for each pose (n, 4, 4) of their
+    frame (n,).
 
-    Blocks have middles (b, 3) and half extents (b, 3) along the frame's axes. What only touches does not meet.
+    Blocks have middles (b, 3) and half extents (b, 3) along the frame's axes. What only touches
+    does not meet.
     """
     blocks = Blocks(np.ascontiguousarray(middles), np.ascontiguousarray(halves))
     return meeting(blocks, np.ascontiguousarray(T), np.ascontiguousarray(triangles))
@@ -33,11 +36,18 @@ THINNEST_M = 0.002
 
 
 def jaw_grasps(
-    solid: Solid, jaws: ParallelJaws, inset_m: float, mass_kg: float, centre: Floats, turns: int = GRASP_TURNS
+    solid: Solid,
+    jaws: ParallelJaws,
+    inset_m: float,
+    mass_kg: float,
+    centre: Floats,
+    turns: int = GRASP_TURNS,
 ) -> list[Grasp]:
-    """All grasps that touch the part on its two facets alone, at some turn; those first that hold the weight best.
+    """All grasps that touch the part on its two facets alone, at some turn; those first that hold
+    the weight best.
 
-    A grasp point lies `inset_m` inside a convex edge, at its middle. `centre` (3,) is the centre of mass.
+    A grasp point lies `inset_m` inside a convex edge, at its middle. `centre` (3,) is the centre of
+    mass.
     """
     grasps_found: list[Grasp] = []
     seen: list[tuple[Floats, Floats]] = []
@@ -77,7 +87,10 @@ def _edge_points(facet: Facet, inset_m: float) -> list[Floats]:
 
 def _already_taken(seen: Sequence[tuple[Floats, Floats]], middle: Floats, normal: Floats) -> bool:
     """Whether the same two points were taken from the other facet already."""
-    return any(np.abs(m - middle).max() < 1e-9 and abs(n @ normal) > 1 - PARALLEL_TOLERANCE for m, n in seen)
+    return any(
+        np.abs(m - middle).max() < 1e-9 and abs(n @ normal) > 1 - PARALLEL_TOLERANCE
+        for m, n in seen
+    )
 
 
 def _pads_held(facet: Facet, opposite: Facet, point: Floats, width: float, pad_m: float) -> bool:
@@ -100,7 +113,8 @@ def within_facet(facet: Facet, points: Floats) -> Truths:
     """Whether points (n, 3) of a facet's plane lie inside its edges (n,)."""
     across = np.cross(facet.normal, np.eye(3)[int(np.argmin(np.abs(facet.normal)))])
     axes = np.stack(
-        [across / np.linalg.norm(across), np.cross(facet.normal, across / np.linalg.norm(across))], axis=1
+        [across / np.linalg.norm(across), np.cross(facet.normal, across / np.linalg.norm(across))],
+        axis=1,
     )
     (x0, y0), (x1, y1) = np.moveaxis(facet.edges @ axes, 0, 2)
     x, y = (points @ axes).T[:, :, None]
@@ -110,14 +124,21 @@ def within_facet(facet: Facet, points: Floats) -> Truths:
     return is_within
 
 
-def _see_each_other(solid: Solid, facet: Facet, opposite: Facet, point: Floats, width: float) -> bool:
-    """Whether nothing but material lies between the two points: no facet crosses the line between them."""
+def _see_each_other(
+    solid: Solid, facet: Facet, opposite: Facet, point: Floats, width: float
+) -> bool:
+    """Whether nothing but material lies between the two points: no facet crosses the line
+    between them.
+    """
     for crossing in solid.facets:
         slope = float(crossing.normal @ facet.normal)
         if crossing is facet or crossing is opposite or abs(slope) < PARALLEL_TOLERANCE:
             continue
         down = (float(crossing.normal @ point) - crossing.offset) / slope
-        if 1e-9 < down < width - 1e-9 and within_facet(crossing, (point - down * facet.normal)[None])[0]:
+        if (
+            1e-9 < down < width - 1e-9
+            and within_facet(crossing, (point - down * facet.normal)[None])[0]
+        ):
             return False
     return True
 
@@ -139,7 +160,8 @@ def _grasp_at(
     poses = transform(rotation(closing, np.arange(turns) * 2 * np.pi / turns) @ R, middle)
     free = ~blocks_meet(poses, *jaws.blocks((width,)), solid.corners)
     arm = float(np.linalg.norm(np.cross(centre - middle, closing)))
-    # Two round pads: each resists a torque of 2/3 of friction, force and radius, beside holding the weight.
+    # Two round pads: each resists a torque of 2/3 of friction, force and radius, beside holding the
+    # weight.
     holds = 2 * jaws.friction * jaws.force_n
     share = min(1.0, mass_kg * GRAVITY_M_S2 / holds)
     torque = holds * jaws.pad_m / 3 * float(np.sqrt(1 - share**2))
@@ -157,7 +179,8 @@ MAX_TOLD_MARGIN = 100.0  # the largest margin that is told
 def three_finger_grasps(
     solid: Solid, hand: ThreeFingers, inset_m: float, mass_kg: float, centre: Floats, turns: int
 ) -> list[Grasp]:
-    """Grasps that are closed by force and touch the part with their fingers alone; those first that hold its weight best.
+    """Grasps that are closed by force and touch the part with their fingers alone; those first that
+    hold its weight best.
 
     The fingers meet the part `inset_m` below a facet. `centre` (3,) is the centre of mass.
     """
@@ -213,7 +236,9 @@ def _grasps_across(
     centre: Floats,
     turns: int,
 ) -> Iterator[tuple[Grasp, Floats]]:
-    """Grasps in a section that are closed by force, with their contacts (6, 3): three points, and three normals out of the part."""
+    """Grasps in a section that are closed by force, with their contacts (6, 3): three points,
+    and three normals out of the part.
+    """
     normal, height = plane
     if not len(section[0]):
         return
@@ -238,7 +263,9 @@ def _closed_grasp(
     spread: float,
     centre: Floats,
 ) -> tuple[Grasp, Floats] | None:
-    """The grasp of a hand at a pose, if its fingers meet the part without sliding, and close it by force."""
+    """The grasp of a hand at a pose, if its fingers meet the part without sliding, and close it
+    by force.
+    """
     begins, outwards = hand.ways(spread)
     flat = ((section[0] - T[:3, 3]) @ T[:3, :3])[:, :, :2]
     ways, names, points, normals = [], [], [], []
@@ -269,11 +296,15 @@ def _closed_grasp(
 def _fingers_collide(contacts: Floats, thick_m: float) -> bool:
     """Whether two of the fingers would be in each other's place."""
     tips = contacts[:3] + contacts[3:] * thick_m / 2
-    return any(float(np.linalg.norm(tips[a] - tips[b])) < thick_m for a, b in ((0, 1), (0, 2), (1, 2)))
+    return any(
+        float(np.linalg.norm(tips[a] - tips[b])) < thick_m for a, b in ((0, 1), (0, 2), (1, 2))
+    )
 
 
 def _outermost_hit(flat: Floats, begin: Floats, outward: Floats) -> tuple[float, int]:
-    """How far along a ray in the plane the last of some segments (s, 2, 2) is, and its number; -1 if it meets none."""
+    """How far along a ray in the plane the last of some segments (s, 2, 2) is, and its number;
+    -1 if it meets none.
+    """
     across = np.array([-outward[1], outward[0]])
     offset, along = (flat - begin) @ across, (flat - begin) @ outward
     crossing = (offset[:, 0] > 0) != (offset[:, 1] > 0)
@@ -286,7 +317,8 @@ def _outermost_hit(flat: Floats, begin: Floats, outward: Floats) -> tuple[float,
 
 
 def contact_wrenches(contacts: Floats, centre: Floats, friction: float) -> Floats:
-    """Forces and torques about the centre (6, 3 EDGES) along the edges of the friction cones, each with a normal force of 1.
+    """Forces and torques about the centre (6, 3 EDGES) along the edges of the friction cones, each
+    with a normal force of 1.
 
     Torques are in units of a force at the distance of the farthest contact.
     """
@@ -306,7 +338,9 @@ def contact_wrenches(contacts: Floats, centre: Floats, friction: float) -> Float
 
 
 def closes_by_force(contacts: Floats, centre: Floats, friction: float) -> bool:
-    """Whether three contacts close a part by force: their wrenches span all, and cancel out with a weight above 0 each."""
+    """Whether three contacts close a part by force: their wrenches span all, and cancel out
+    with a weight above 0 each.
+    """
     W = contact_wrenches(contacts, centre, friction)
     if np.linalg.matrix_rank(W, tol=CLOSED_TOLERANCE) < 6:
         return False
@@ -314,8 +348,12 @@ def closes_by_force(contacts: Floats, centre: Floats, friction: float) -> bool:
     return bool(rest < CLOSED_TOLERANCE)
 
 
-def _weigh_grasp(hand: ThreeFingers, grasp: Grasp, contacts: Floats, mass_kg: float, centre: Floats) -> Grasp:
-    """The grasp with how many times its weight it holds, whichever way this pulls, while no finger presses more than it can."""
+def _weigh_grasp(
+    hand: ThreeFingers, grasp: Grasp, contacts: Floats, mass_kg: float, centre: Floats
+) -> Grasp:
+    """The grasp with how many times its weight it holds, whichever way this pulls, while no
+    finger presses more than it can.
+    """
     W = contact_wrenches(contacts, centre, hand.friction)
     margin = min(
         _max_weight_factor(W, hand.force_n, sign * axis * mass_kg * GRAVITY_M_S2)

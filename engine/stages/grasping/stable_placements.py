@@ -7,7 +7,12 @@ import numpy as np
 from cellwright.engine.kernels.arrays import Floats, Truths
 from cellwright.engine.kernels.rigid import apply, transform
 from cellwright.engine.model.geometry import Facet, Solid
-from cellwright.engine.model.manipulation_values import RegraspAnswer, Regrasps, TablePlacement, Unplaceable
+from cellwright.engine.model.manipulation_values import (
+    RegraspAnswer,
+    Regrasps,
+    TablePlacement,
+    Unplaceable,
+)
 from cellwright.engine.stages.grasping.grasp_synthesis import within_facet
 
 SAME_NORMAL = 1e-6
@@ -23,7 +28,9 @@ def volume_and_centre(solid: Solid) -> tuple[float, Floats]:
     return total, middle
 
 
-def stable_placements(solid: Solid, centre: Floats, steady_m: float = MIN_STEADY_M) -> list[TablePlacement]:
+def stable_placements(
+    solid: Solid, centre: Floats, steady_m: float = MIN_STEADY_M
+) -> list[TablePlacement]:
     """All placements that a push by `steady_m` does not tip, the steadiest first."""
     from scipy.spatial import ConvexHull
 
@@ -42,13 +49,17 @@ def stable_placements(solid: Solid, centre: Floats, steady_m: float = MIN_STEADY
         margin = _support_margin(corners, normal, centre)
         if margin > steady_m:
             placements_found.append(
-                TablePlacement(_placement_name(solid, normal, n), _placed_pose(solid, normal, centre), margin)
+                TablePlacement(
+                    _placement_name(solid, normal, n), _placed_pose(solid, normal, centre), margin
+                )
             )
     return sorted(placements_found, key=lambda placement: -placement.margin_m)
 
 
 def _support_margin(corners: Floats, normal: Floats, centre: Floats) -> float:
-    """How far inside the hull of a facet's corners (n, 3) the centre of mass projects; negative outside."""
+    """How far inside the hull of a facet's corners (n, 3) the centre of mass projects; negative
+    outside.
+    """
     from scipy.spatial import ConvexHull
 
     R = _rotation_down(normal)
@@ -73,21 +84,31 @@ def _placed_pose(solid: Solid, normal: Floats, centre: Floats) -> Floats:
 
 
 def _placement_name(solid: Solid, normal: Floats, number: int) -> str:
-    """The name of the facet that lies on the table; that of the hull where the part has none there."""
+    """The name of the facet that lies on the table; that of the hull where the part has none
+    there.
+    """
     named = [facet for facet in solid.facets if facet.normal @ normal > 1 - SAME_NORMAL]
     deepest = max(named, key=lambda facet: facet.offset, default=None)
     top = float((solid.vertices @ normal).max())
-    return deepest.name if deepest is not None and abs(deepest.offset - top) < 1e-6 else f"hull_{number + 1}"
+    return (
+        deepest.name
+        if deepest is not None and abs(deepest.offset - top) < 1e-6
+        else f"hull_{number + 1}"
+    )
 
 
-FLAT_COSINE = np.cos(np.radians(4))  # a face that deviates less from the horizontal carries, or is carried
+# a face that deviates less from the horizontal carries, or is carried
+FLAT_COSINE = np.cos(np.radians(4))
 MAX_TOUCH_GAP_M = 0.003  # faces nearer than this touch
 SUPPORT_STEP_M = 0.004  # between the points of a face that are looked at
 UNCARRIED_MARGIN = -1.0
 
 
-def support_margin(solid: Solid, T_world_part: Floats, supports: Sequence[tuple[Solid, Floats]]) -> float:
-    """How far inside its support a part's centre of mass is, in metres; negative if it tips, -1 if nothing carries it.
+def support_margin(
+    solid: Solid, T_world_part: Floats, supports: Sequence[tuple[Solid, Floats]]
+) -> float:
+    """How far inside its support a part's centre of mass is, in metres; negative if it tips, -1 if
+    nothing carries it.
 
     Others have their poses T_world_other. Only faces that are nearly horizontal carry.
     """
@@ -146,10 +167,12 @@ def _inside_margin(touching: Floats, centre: Floats) -> float:
 def shortest_regrasps(
     start: Truths, goal: Truths, possible: Truths, most: int = 16, fewest: int = 0
 ) -> RegraspAnswer:
-    """The shortest way from a hold that is possible at the start (h,) to one that is possible at the goal (h,).
+    """The shortest way from a hold that is possible at the start (h,) to one that is possible at
+    the goal (h,).
 
-    `possible` (h, r) says which holds go with which rests. At least `fewest` and no more than `most` regrasps are looked
-    for; a hold that can be had with fewer does not count as reached by more.
+    `possible` (h, r) says which holds go with which rests. At least `fewest` and no more than
+    `most` regrasps are looked for; a hold that can be had with fewer does not count as reached by
+    more.
     """
     came: list[tuple[Truths, Truths]] = []
     reached, new = start.copy(), start.copy()

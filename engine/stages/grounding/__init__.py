@@ -1,5 +1,5 @@
-"""Grounding turns a problem into a ground task. clingo finds what can be reached and returns it as numbers;
-Python makes bitsets of them.
+"""Grounding turns a problem into a ground task. clingo finds what can be reached and returns it as
+numbers; Python makes bitsets of them.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,7 +16,10 @@ from cellwright.engine.stages.grounding.derived_atoms import (
     layer_axioms,
     supports_of,
 )
-from cellwright.engine.stages.grounding.fluent_aggregates import decide_aggregates, expand_aggregates
+from cellwright.engine.stages.grounding.fluent_aggregates import (
+    decide_aggregates,
+    expand_aggregates,
+)
 from cellwright.engine.stages.grounding.ground_diagnostics import (
     find_ambiguities,
     report_contradictions,
@@ -40,7 +43,10 @@ from cellwright.engine.stages.grounding.grounding_program import (
 from cellwright.engine.stages.grounding.initial_facts import default_instances as default_instances
 from cellwright.engine.stages.grounding.initial_facts import initial_state
 from cellwright.engine.stages.grounding.instance_bounds import size_suspects
-from cellwright.engine.stages.grounding.mutex_invariants import drop_impossible_effects, mutex_groups
+from cellwright.engine.stages.grounding.mutex_invariants import (
+    drop_impossible_effects,
+    mutex_groups,
+)
 from cellwright.engine.stages.grounding.numbered_atoms import (
     FIRST_DERIVED_NUMBER,
     Numbering,
@@ -82,17 +88,18 @@ Made = TypeVar("Made", GroundTask, TaskWithoutGoals)
 def ground(problem: Problem) -> GroundTask:
     """The ground task of a problem.
 
-    Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions and
-    ambiguities among deductive operators, and a grounding that exceeds its limits.
+    Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions
+    and ambiguities among deductive operators, and a grounding that exceeds its limits.
     """
     return _run_grounding(problem, _Grounding.task)
 
 
 def ground_parts(problem: Problem) -> TaskWithoutGoals:
-    """The ground task of a problem whose goals are `separable`, to be asked for each conjunct and chain by itself.
+    """The ground task of a problem whose goals are `separable`, to be asked for each conjunct and
+    chain by itself.
 
-    The other goals change which atoms have a number, but not what can be reached: the steps that move other chains are left
-    out. Raises as `ground` does.
+    The other goals change which atoms have a number, but not what can be reached: the steps that
+    move other chains are left out. Raises as `ground` does.
     """
     return _run_grounding(problem, _Grounding.parts)
 
@@ -100,10 +107,15 @@ def ground_parts(problem: Problem) -> TaskWithoutGoals:
 def has_separable_chains(problem: Problem) -> bool:
     """Whether each chain can be left out by leaving out the steps that move it.
 
-    That is not so where chains wait for others, where no step may reach a stage before its turn, and where a step does
-    something to whatever is there: then a chain that is not wanted changes what steps need.
+    That is not so where chains wait for others, where no step may reach a stage before its turn,
+    and where a step does something to whatever is there: then a chain that is not wanted changes
+    what steps need.
     """
-    events = {name for name, predicate in problem.domain.predicates.items() if predicate.kind is Kind.EVENT}
+    events = {
+        name
+        for name, predicate in problem.domain.predicates.items()
+        if predicate.kind is Kind.EVENT
+    }
     batches = any(
         is_conditional(effect) and effect.atom.name in events
         for operator in problem.domain.operators
@@ -140,7 +152,10 @@ def reachable_atoms(task: GroundTask) -> frozenset[Atom]:
 
 @dataclass(frozen=True, slots=True)
 class _Compiled:
-    """Operators, start and goals over numbered `atoms`. Derived atoms and complements are not among them yet."""
+    """Operators, start and goals over numbered `atoms`.
+
+    Derived atoms and complements are not among them yet.
+    """
 
     atoms: list[Atom]
     operators: list[GroundOperator]
@@ -173,20 +188,27 @@ class _Grounding:
             conditional for conditional in conditional_effects if conditional not in self.batches
         ]
         self.goals = [normaliser.disjuncts(part, {}) for part in goal_parts(self.problem.goal)]
-        plain = expand_aggregates(self.domain.rules, self.domain, ChangingPredicates(self.domain).is_dynamic)
+        plain = expand_aggregates(
+            self.domain.rules, self.domain, ChangingPredicates(self.domain).is_dynamic
+        )
         self.reach, self.fittings = plain.reach, plain.fittings
         self.rules = [*plain.rules, *normaliser.rules]
         invented = [*normaliser.rules, *plain.rules, *plain.reach, *compared]
         self.vocabulary = ChangingPredicates(self.domain, invented)
         declared = self.domain.predicates
-        self.invented = {r.head.name: len(r.head.arguments) for r in invented if r.head.name not in declared}
+        self.invented = {
+            r.head.name: len(r.head.arguments) for r in invented if r.head.name not in declared
+        }
 
     def task(self) -> GroundTask:
         """The task. It is meaningless if `found` is not empty."""
         return self._grounded(apart=False).task
 
     def parts(self) -> TaskWithoutGoals:
-        """The task without goals, and the ways to satisfy each of them. It is meaningless if `found` is not empty."""
+        """The task without goals, and the ways to satisfy each of them.
+
+        It is meaningless if `found` is not empty.
+        """
         return self._grounded(apart=True)
 
     def _grounded(self, apart: bool) -> TaskWithoutGoals:
@@ -197,7 +219,11 @@ class _Grounding:
         effects = build_deduction(self.domain, self.vocabulary, universe)
         decide_aggregates(self.fittings, universe, effects.denied, rules)
         workflow = Workflow(
-            self.problem, universe, len(universe.atoms), self.vocabulary.events, stage_holds(Listed(initial))
+            self.problem,
+            universe,
+            len(universe.atoms),
+            self.vocabulary.events,
+            stage_holds(Listed(initial)),
         )
         batches = EventBatches(
             workflow, read_happenings(self.batches, self.schemas, universe), universe, rules
@@ -245,7 +271,9 @@ class _Grounding:
     ) -> GroundTask:
         """The task with axioms for derived atoms, complements of atoms, and quantities."""
         layers = layer_axioms(rules, numbering, lambda atom: self._compares(universe, atom))
-        complements = bitset([c for a, c in numbering.complements.items() if not compiled.start >> a & 1])
+        complements = bitset(
+            [c for a, c in numbering.complements.items() if not compiled.start >> a & 1]
+        )
         atoms = [*compiled.atoms, *(_signed_atom(signed, universe) for signed in numbering.added)]
         numbers = TaskQuantities(self.taken, self.given.domain, atoms)
         tests = tuple(numbers.comparing(universe, numbering))
@@ -255,7 +283,9 @@ class _Grounding:
             (complement_effects(o, numbering) for o in compiled.operators),
         )
         operators = [
-            numbers.changing(operator) for operator in complete if not operator.preconditions & never
+            numbers.changing(operator)
+            for operator in complete
+            if not operator.preconditions & never
         ]
         derived = layers.derived if layers else 0
         groups = mutex_groups(atoms, operators, compiled.start | complements, derived)
@@ -275,7 +305,10 @@ class _Grounding:
         )
 
     def _supports(self, universe: Universe, rules: Rules) -> Supports:
-        """The supports of derived atoms. Those that compare quantities have none: they stay in the task, as axioms."""
+        """The supports of derived atoms.
+
+        Those that compare quantities have none: they stay in the task, as axioms.
+        """
         numbers = range(FIRST_DERIVED_NUMBER, FIRST_DERIVED_NUMBER + len(universe.derived))
         listed = [number for number in numbers if not self._compares(universe, number)]
         return supports_of(listed, rules, self._negated(universe))
@@ -292,7 +325,12 @@ class _Grounding:
             *(rule_.body for rule_ in self.rules),
             *(disjunct for part in self.goals for disjunct in part),
         ]
-        names = {p.atom.name for body in bodies for p in body if isinstance(p, Literal) and not p.positive}
+        names = {
+            p.atom.name
+            for body in bodies
+            for p in body
+            if isinstance(p, Literal) and not p.positive
+        }
         return (
             FIRST_DERIVED_NUMBER + number
             for number, atom in enumerate(universe.derived)
@@ -339,10 +377,19 @@ class _Grounding:
         self.found += violated_constraints(self.problem, grounder)
         universe = Universe(grounder, self.vocabulary, self.invented)
         arguments = [
-            rule_text(f"_arg({v})", [instance_text(s)]) for s in self.schemas for v in s.operator.variables
+            rule_text(f"_arg({v})", [instance_text(s)])
+            for s in self.schemas
+            for v in s.operator.variables
         ]
-        pairs = ((batch, s) for batch in self.batches for s in self.schemas if batch.operator is s.operator)
-        universe.name_terms([*arguments, *(text for pair in pairs for text in happening_terms(*pair))])
+        pairs = (
+            (batch, s)
+            for batch in self.batches
+            for s in self.schemas
+            if batch.operator is s.operator
+        )
+        universe.name_terms(
+            [*arguments, *(text for pair in pairs for text in happening_terms(*pair))]
+        )
         return universe
 
 

@@ -1,11 +1,11 @@
 """Deduction over numbered atoms: what each atom implies and denies, and the closure of changes.
 
-clingo evaluates each deductive rule and returns tables of atom numbers. A consequence may have variables of
-its own, as in `denies: at(Arm, Other), Other != Point`. It then relates one trigger to every other atom of a
-pattern, so the number of pairs grows with the square of the number of atoms. To avoid this, clingo lists
-triggers and consequences in separate tables. Both tables contain a key: the number of the values that trigger
-and consequence share. All triggers with the same key have the same bitset of consequences. Only the pairs
-that an inequality excludes are listed one by one.
+clingo evaluates each deductive rule and returns tables of atom numbers. A consequence may have
+variables of its own, as in `denies: at(Arm, Other), Other != Point`. It then relates one trigger to
+every other atom of a pattern, so the number of pairs grows with the square of the number of atoms.
+To avoid this, clingo lists triggers and consequences in separate tables. Both tables contain a key:
+the number of the values that trigger and consequence share. All triggers with the same key have the
+same bitset of consequences. Only the pairs that an inequality excludes are listed one by one.
 """
 
 import itertools
@@ -35,8 +35,9 @@ TRIGGER, CONSEQUENCE, KEY = "Trigger__", "Consequence__", "Key__"
 class Sides:
     """A consequence that is split into two sides, so that each side gets a table of its own.
 
-    `shared` are the variables that occur on both sides. `trigger` and `own` are the conditions of the trigger
-    and of the consequence. `excluded` are equalities; the pairs that satisfy one of them do not count.
+    `shared` are the variables that occur on both sides. `trigger` and `own` are the conditions of
+    the trigger and of the consequence. `excluded` are equalities; the pairs that satisfy one of
+    them do not count.
     """
 
     shared: tuple[Variable, ...]
@@ -47,7 +48,10 @@ class Sides:
 
 @dataclass(frozen=True, slots=True)
 class _ConsequenceEntry:
-    """One consequence of one deductive operator. The names of its auxiliary predicates begin with `name`."""
+    """One consequence of one deductive operator.
+
+    The names of its auxiliary predicates begin with `name`.
+    """
 
     name: str
     operator: DeductiveOperator
@@ -62,7 +66,9 @@ class _ConsequenceEntry:
 def direct_consequences(
     domain: Domain, vocabulary: ChangingPredicates, universe: Universe
 ) -> Mapping[Kind, list[Bits]]:
-    """The direct consequences of each fluent of `universe`, for each kind of trigger and consequence."""
+    """The direct consequences of each fluent of `universe`, for each kind of trigger and
+    consequence.
+    """
     entries = list(_consequence_entries(domain, vocabulary))
     _number_keys([entry for entry in entries if entry.sides is not None], universe)
     tables = universe.tables(dict(itertools.chain.from_iterable(map(_entry_rules, entries))))
@@ -87,8 +93,8 @@ def direct_consequences(
 def split_sides(operator: DeductiveOperator, consequence: Consequence) -> Sides | None:
     """The two sides of a consequence.
 
-    None if the consequence has no variables of its own, or if a condition other than an inequality joins the
-    two sides.
+    None if the consequence has no variables of its own, or if a condition other than an inequality
+    joins the two sides.
     """
     near, far = _named_variables(operator.trigger.atom), _named_variables(consequence.atom)
     if far <= near:
@@ -123,12 +129,17 @@ def _excluded_equality(part: BodyPart) -> str | None:
     return None
 
 
-def _consequence_entries(domain: Domain, vocabulary: ChangingPredicates) -> Iterator[_ConsequenceEntry]:
+def _consequence_entries(
+    domain: Domain, vocabulary: ChangingPredicates
+) -> Iterator[_ConsequenceEntry]:
     for number, operator in enumerate(domain.deductive_operators):
         if operator.trigger.atom.name not in vocabulary.events:
             for place, consequence in enumerate(operator.consequences):
                 yield _ConsequenceEntry(
-                    f"_c_{number}_{place}", operator, consequence, split_sides(operator, consequence)
+                    f"_c_{number}_{place}",
+                    operator,
+                    consequence,
+                    split_sides(operator, consequence),
                 )
 
 
@@ -157,7 +168,10 @@ def _entry_rules(entry: _ConsequenceEntry) -> Iterator[tuple[str, tuple[str, int
     yield _pair_rule(f"{entry.name}_to", KEY, CONSEQUENCE, [[key, own, *split.own]])
     both = [trigger, own, *split.trigger, *split.own]
     yield _pair_rule(
-        f"{entry.name}_but", TRIGGER, CONSEQUENCE, [[*both, equality] for equality in split.excluded]
+        f"{entry.name}_but",
+        TRIGGER,
+        CONSEQUENCE,
+        [[*both, equality] for equality in split.excluded],
     )
 
 
@@ -170,7 +184,10 @@ def _pair_rule(
 
 
 def _group_rows(table: IntegerTable) -> dict[int, Bits]:
-    """For each number in the first column the numbers beside it, as a bitset. The rows come sorted."""
+    """For each number in the first column the numbers beside it, as a bitset.
+
+    The rows come sorted.
+    """
     groups = itertools.groupby(table, key=lambda row: row[0])
     return {first: bitset([second for _, second in group]) for first, group in groups}
 
@@ -192,10 +209,11 @@ class Deduction:
     denied_if_denied: tuple[Bits, ...]
 
     def close(self, adds: Bits, true_before: Bits, deletes: Bits = 0) -> Closure:
-        """The least fixpoint (Add, Del) of the atoms `adds` and the explicitly deleted atoms `deletes`.
+        """The least fixpoint (Add, Del) of the atoms `adds` and the explicitly deleted atoms
+        `deletes`.
 
-        `deletes` is not part of the Del that is returned. A denied or deleted atom triggers `not` rules only
-        if it is in `true_before`.
+        `deletes` is not part of the Del that is returned. A denied or deleted atom triggers `not`
+        rules only if it is in `true_before`.
         """
         added, deleted = self._spread(adds)
         fired = 0
@@ -225,7 +243,9 @@ class Deduction:
         return added, deleted
 
 
-def build_deduction(domain: Domain, vocabulary: ChangingPredicates, universe: Universe) -> Deduction:
+def build_deduction(
+    domain: Domain, vocabulary: ChangingPredicates, universe: Universe
+) -> Deduction:
     """The deductive operators of `domain`, evaluated over the atoms of `universe`."""
     direct = direct_consequences(domain, vocabulary, universe)
     implied = _transitive_closure(direct[(True, True)])
@@ -244,7 +264,9 @@ def _union_masks(masks: list[Bits], over: Bits) -> Bits:
 
 
 def _transitive_closure(direct: list[Bits]) -> list[Bits]:
-    """For each atom everything that it implies, directly or over other atoms; the atom itself is included."""
+    """For each atom everything that it implies, directly or over other atoms; the atom itself
+    is included.
+    """
     closed = []
     for atom, implied in enumerate(direct):
         reached, frontier = 1 << atom, implied & ~(1 << atom)

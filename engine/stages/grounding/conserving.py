@@ -1,5 +1,6 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
-"""Which operators leave at most one atom of a group true: the loops of invariant synthesis (`invariants.py`).
+"""Which operators leave at most one atom of a group true: the loops of invariant synthesis
+(`invariants.py`).
 
 Plain Python, compiled with the types in `conserving.pxd`.
 """
@@ -10,10 +11,11 @@ from cellwright.engine.kernels.bits import Bits, indices
 
 
 class Conserving:
-    """Operators by number, and the initial state. Operators that differ only in what they need are of one kind.
+    """Operators by number, and the initial state. Operators that differ only in what they need are
+    of one kind.
 
-    Each is given by what it needs, always adds, always deletes, and what each of its conditional effects adds; two whose
-    conditional effects differ have different `marks`.
+    Each is given by what it needs, always adds, always deletes, and what each of its conditional
+    effects adds; two whose conditional effects differ have different `marks`.
     """
 
     def __init__(
@@ -48,7 +50,8 @@ class Conserving:
             self._members[kind].append(number)
 
     def broken_by(self, group: Bits) -> int | None:
-        """An operator that breaks the group, -1 for the initial state; None if the group is an invariant.
+        """An operator that breaks the group, -1 for the initial state; None if the group is an
+        invariant.
 
         A kind is safe if it adds exactly one atom of the group and deletes all others.
         """
@@ -71,9 +74,11 @@ class Conserving:
         return None if best < 0 else best
 
     def adding_without_taking(self, group: Bits) -> int:
-        """The first operator that adds an atom of the group and needs none of it; -1 if there is none.
+        """The first operator that adds an atom of the group and needs none of it; -1 if there is
+        none.
 
-        What such an operator consumes may belong to the group, too, so it is used to refine the candidate.
+        What such an operator consumes may belong to the group, too, so it is used to refine the
+        candidate.
         """
         best = -1
         for kind in self._adding(group):
@@ -87,14 +92,18 @@ class Conserving:
         return best
 
     def _adding(self, group: Bits) -> list[int]:
-        """The kinds of operators that add an atom of the group, in the order of their first operators."""
+        """The kinds of operators that add an atom of the group, in the order of their first
+        operators.
+        """
         found: set[int] = set()
         for atom in indices(group):
             found.update(self._adders.get(atom, ()))
         return sorted(found)
 
     def _keeps(self, group: Bits, number: int) -> bool:
-        """Whether at most one atom of `group` is true after the operator if at most one was true before."""
+        """Whether at most one atom of `group` is true after the operator if at most one was
+        true before.
+        """
         added = self._adds[number] & group
         if not added:
             return True

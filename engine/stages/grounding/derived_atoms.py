@@ -1,10 +1,11 @@
 """Derived atoms: replaced by minimal supports over fluents, or kept as axioms of the task.
 
-A support is a set of signed atom numbers: n means "atom n is true", ~n means "atom n is false". Atoms that
-depend on each other recursively form a component. The supports of a component are computed together, as a
-least fixpoint of antichains. The negation of an atom is computed when its component is finished
-(stratification): it is the set of minimal ways to break every support. An atom with many supports stays as it is: it is
-then its own support, and `cellwright.engine.stages.grounding.derived_atoms` keeps its rules.
+A support is a set of signed atom numbers: n means "atom n is true", ~n means "atom n is false".
+Atoms that depend on each other recursively form a component. The supports of a component are
+computed together, as a least fixpoint of antichains. The negation of an atom is computed when its
+component is finished (stratification): it is the set of minimal ways to break every support. An
+atom with many supports stays as it is: it is then its own support, and
+`cellwright.engine.stages.grounding.derived_atoms` keeps its rules.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,7 +28,8 @@ class _TooMany(Exception):
 def supports_of(derived: Sequence[int], rules: Rules, negated: Iterable[int]) -> "Supports":
     """The supports of derived atoms, some of which are needed `negated`.
 
-    If any has many, all stay but those that are just another name for a condition: then no search would gain by the others.
+    If any has many, all stay but those that are just another name for a condition: then no search
+    would gain by the others.
     """
     supports = Supports(derived, rules, MAX_SUPPORTS)
     for atom in negated:
@@ -39,8 +41,9 @@ def supports_of(derived: Sequence[int], rules: Rules, negated: Iterable[int]) ->
 class Supports:
     """The supports of every derived atom of a problem.
 
-    An atom is computed after the atoms that it depends on. One with more than `most` supports stays as it is, and so do more
-    than `most` atoms that depend on one another. The first one that stays ends the computation, unless `most` is `LEAST`.
+    An atom is computed after the atoms that it depends on. One with more than `most` supports stays
+    as it is, and so do more than `most` atoms that depend on one another. The first one that stays
+    ends the computation, unless `most` is `LEAST`.
     """
 
     def __init__(self, derived: Iterable[int], rules: Rules, most: int) -> None:
@@ -51,18 +54,25 @@ class Supports:
         self.stay = False  # whether some atom stays as it is
         needs: dict[int, list[int]] = {atom: [] for atom in derived}
         for head, bodies in rules.items():
-            needs[head] = [atom for body in bodies for atom in map(_unsigned_atom, body) if atom in needs]
+            needs[head] = [
+                atom for body in bodies for atom in map(_unsigned_atom, body) if atom in needs
+            ]
         for component in strong_components(needs):
             if self.stay and most > MIN_SUPPORTS:
                 return
             self._close(sorted(component), rules, needs)
 
     def of(self, signed: int) -> list[Support]:
-        """The minimal ways to make a signed atom hold. A fluent supports itself, and so does a derived atom that stays."""
+        """The minimal ways to make a signed atom hold.
+
+        A fluent supports itself, and so does a derived atom that stays.
+        """
         return self._masks.supports(self._of(signed))
 
     def combinations(self, condition: Iterable[int]) -> list[Support]:
-        """The minimal ways to make every signed atom of `condition` hold; the condition itself if there are many."""
+        """The minimal ways to make every signed atom of `condition` hold; the condition itself
+        if there are many.
+        """
         condition = tuple(condition)
         plain = frozenset(condition)
         if not any(_unsigned_atom(signed) in self._supports for signed in condition):
@@ -82,7 +92,9 @@ class Supports:
             self._broken[atom] = self._breaking(atom)
         return self._broken[atom]
 
-    def _close(self, component: list[int], rules: Rules, needs: Mapping[int, Sequence[int]]) -> None:
+    def _close(
+        self, component: list[int], rules: Rules, needs: Mapping[int, Sequence[int]]
+    ) -> None:
         try:
             if len(component) > self._most:  # then most of its atoms have many supports
                 raise _TooMany
@@ -91,7 +103,9 @@ class Supports:
             self.stay = True
             self._supports.update({atom: [self._masks.mask(atom)] for atom in component})
 
-    def _repeat(self, component: list[int], rules: Rules, needs: Mapping[int, Sequence[int]]) -> None:
+    def _repeat(
+        self, component: list[int], rules: Rules, needs: Mapping[int, Sequence[int]]
+    ) -> None:
         """The least fixpoint. An atom is looked at again when one that it needs has changed."""
         users: dict[int, list[int]] = {atom: [] for atom in component}
         for atom in component:
@@ -167,7 +181,9 @@ class _Masks:
         return minimal_masks
 
     def supports(self, masks: Iterable[Bits]) -> list[Support]:
-        """Supports as sets of signed atoms, in an order that does not depend on when atoms were met."""
+        """Supports as sets of signed atoms, in an order that does not depend on when atoms were
+        met.
+        """
         supports = [frozenset(self._signed[place] for place in indices(mask)) for mask in masks]
         return sorted(supports, key=lambda support: (len(support), sorted(support)))
 
@@ -176,10 +192,14 @@ def _unsigned_atom(signed: int) -> int:
     return signed if signed >= 0 else ~signed
 
 
-def layer_axioms(rules: Rules, numbering: Numbering, compares: Callable[[int], bool]) -> Axioms | None:
-    """The axioms of all derived atoms that have numbers, and of those that they depend on; None if there are none.
+def layer_axioms(
+    rules: Rules, numbering: Numbering, compares: Callable[[int], bool]
+) -> Axioms | None:
+    """The axioms of all derived atoms that have numbers, and of those that they depend on; None if
+    there are none.
 
-    Where an atom has to be false, all that breaks its rules gets numbers, too. An atom that `compares` quantities has no rules.
+    Where an atom has to be false, all that breaks its rules gets numbers, too. An atom that
+    `compares` quantities has no rules.
     """
     waiting = [signed for signed in numbering.added if _is_derived(signed)]
     if not waiting:
@@ -210,7 +230,12 @@ def _needed_atoms(signed: int, rules: Rules) -> list[int]:
 def _assemble_axioms(rules: Rules, numbering: Numbering, kept_atoms: set[int]) -> Axioms:
     numbers = {atom: numbering.number(atom) for atom in sorted(kept_atoms)}
     needs = {
-        atom: [_axiom_atom(e) for body in rules.get(atom, ()) for e in body if _axiom_atom(e) in kept_atoms]
+        atom: [
+            _axiom_atom(e)
+            for body in rules.get(atom, ())
+            for e in body
+            if _axiom_atom(e) in kept_atoms
+        ]
         for atom in numbers
     }
     axiom_list: list[GroundAxiom] = []
@@ -218,7 +243,9 @@ def _assemble_axioms(rules: Rules, numbering: Numbering, kept_atoms: set[int]) -
     for layer, component in enumerate(strong_components(needs)):
         for atom in sorted(component):
             layers[numbers[atom]] = layer
-            axiom_list += [GroundAxiom(numbers[atom], numbering.bits(body)) for body in rules.get(atom, ())]
+            axiom_list += [
+                GroundAxiom(numbers[atom], numbering.bits(body)) for body in rules.get(atom, ())
+            ]
     return Axioms(
         numbering.size + len(numbering.added),
         tuple(dict.fromkeys(axiom_list)),
@@ -229,7 +256,9 @@ def _assemble_axioms(rules: Rules, numbering: Numbering, kept_atoms: set[int]) -
 
 def _complement_numbers(numbering: Numbering) -> Mapping[int, int]:
     return {
-        numbering.number(~signed): number for signed, number in list(numbering.added.items()) if signed < 0
+        numbering.number(~signed): number
+        for signed, number in list(numbering.added.items())
+        if signed < 0
     }
 
 

@@ -1,8 +1,10 @@
 """Aggregates over fluents, replaced by derived predicates and decided by decision diagrams.
 
-A rule with the aggregate A becomes a rule with the literal `_fits_n(outer variables)`. The atoms `_collected_n(outer variables,
-tuple)` are true where a tuple belongs to the set. Which of them make `_fits_n` true, `cellwright.engine.stages.grounding.fluent_aggregates` says when
-all atoms have numbers. Aggregates that give a variable its value get one atom for each value that the set may have.
+A rule with the aggregate A becomes a rule with the literal `_fits_n(outer variables)`. The atoms
+`_collected_n(outer variables, tuple)` are true where a tuple belongs to the set. Which of them make
+`_fits_n` true, `cellwright.engine.stages.grounding.fluent_aggregates` says when all atoms have
+numbers. Aggregates that give a variable its value get one atom for each value that the set may
+have.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -41,7 +43,9 @@ TUPLE, COLLECTED, FITS = "_tuple", "_collected_", "_fits_"
 
 @dataclass(frozen=True, slots=True)
 class FittingAggregate:
-    """The aggregate that the derived predicate of `head` stands for; `collected` is the atom of a tuple in its set."""
+    """The aggregate that the derived predicate of `head` stands for; `collected` is the atom of
+    a tuple in its set.
+    """
 
     head: Atom
     collected: Atom
@@ -64,7 +68,10 @@ class ExpandedRules:
 def expand_aggregates(
     rules: Iterable[Rule], domain: Domain, is_dynamic: Callable[[str], bool]
 ) -> ExpandedRules:
-    """The rules without aggregates over fluents, and the predicates that stand for these. Raises `InvalidInput`."""
+    """The rules without aggregates over fluents, and the predicates that stand for these.
+
+    Raises `InvalidInput`.
+    """
     rules_made: list[Rule] = []
     reach: list[Rule] = []
     fittings: list[FittingAggregate] = []
@@ -85,13 +92,17 @@ def expand_aggregates(
 
 
 def _in_order(aggregates: list[StateAggregate], bound: set[Variable]) -> Iterator[StateAggregate]:
-    """The aggregates in an order in which each has its outer variables, except for its own value, from the ones before."""
+    """The aggregates in an order in which each has its outer variables, except for its own
+    value, from the ones before.
+    """
     waiting, bound_so_far = list(aggregates), set(bound)
     while waiting:
         ready = (
             aggregate
             for aggregate in waiting
-            if bound_so_far.issuperset(set(aggregate.outer) - {_assigned_variable(aggregate, bound_so_far)})
+            if bound_so_far.issuperset(
+                set(aggregate.outer) - {_assigned_variable(aggregate, bound_so_far)}
+            )
         )
         chosen = next(ready, waiting[0])
         waiting.remove(chosen)
@@ -110,7 +121,10 @@ def _assigned_variable(aggregate: StateAggregate, bound: set[Variable]) -> Varia
 
 
 class _Expansion:
-    """One rule whose aggregates are replaced one after another. `bound` are the variables that have values so far."""
+    """One rule whose aggregates are replaced one after another.
+
+    `bound` are the variables that have values so far.
+    """
 
     def __init__(self, rule: Rule, domain: Domain, is_dynamic: Callable[[str], bool]) -> None:
         self.rule, self.domain, self.is_dynamic = rule, domain, is_dynamic
@@ -124,7 +138,10 @@ class _Expansion:
         for part in self.body:
             if isinstance(part, Literal) and part.positive:
                 self.bound.update(v for v in term_variables(part.atom) if v != ANYTHING)
-        while more := {v for part in self.body for v in _solved_variables(part, self.bound)} - self.bound:
+        while (
+            more := {v for part in self.body for v in _solved_variables(part, self.bound)}
+            - self.bound
+        ):
             self.bound |= more
         self.guard = [self._reachable(part) for part in self.body if self._is_known(part)]
 
@@ -142,8 +159,18 @@ class _Expansion:
     def replace(self, aggregate: StateAggregate, number: int) -> FittingAggregate:
         """The predicates that stand for an aggregate."""
         value = _assigned_variable(aggregate, self.bound)
-        inside = {v for element in aggregate.elements for term in element.terms for v in term_variables(term)}
-        inside |= {v for element in aggregate.elements for part in element.body for v in part_variables(part)}
+        inside = {
+            v
+            for element in aggregate.elements
+            for term in element.terms
+            for v in term_variables(term)
+        }
+        inside |= {
+            v
+            for element in aggregate.elements
+            for part in element.body
+            for v in part_variables(part)
+        }
         own = tuple(v for v in aggregate.outer if v in inside and v != value)
         collected = Function(f"{COLLECTED}{number}", (*own, Variable("_Tuple")))
         return FittingAggregate(
@@ -168,18 +195,28 @@ class _Expansion:
         if value is None:
             yield Rule(fitting.head, tuple(self.guard), self.rule.where)
             return
-        bodies = [(element.terms, self._standing(element.body)) for element in fitting.aggregate.elements]
+        bodies = [
+            (element.terms, self._standing(element.body)) for element in fitting.aggregate.elements
+        ]
         if fitting.aggregate.function in ("min", "max"):
             for terms, body in bodies:
                 equation = Comparison(value, "=", terms[0])
                 yield Rule(fitting.head, (*self.guard, *body, equation), self.rule.where)
             return
-        texts = [(", ".join(map(str, terms)), terms[0], ", ".join(map(str, body))) for terms, body in bodies]
+        texts = [
+            (", ".join(map(str, terms)), terms[0], ", ".join(map(str, body)))
+            for terms, body in bodies
+        ]
         if fitting.aggregate.function == "count":
-            least, most = "0", f"#count {{ {'; '.join(f'{text} : {body}' for text, _, body in texts)} }}"
+            least, most = (
+                "0",
+                f"#count {{ {'; '.join(f'{text} : {body}' for text, _, body in texts)} }}",
+            )
         else:
             least, most = (
-                f"#sum {{ {'; '.join(f'{text} : {body}, {first} {sign} 0' for text, first, body in texts)} }}"
+                f"#sum {{ "
+                f"{'; '.join(f'{text} : {body}, {first} {sign} 0' for text, first, body in texts)} "
+                f"}}"
                 for sign in "<>"
             )
         counted = f"_Least = {least}, _Most = {most}, {value} = _Least.._Most"
@@ -205,19 +242,31 @@ class _Expansion:
 
     def _refuse_unbound(self, parts: list[BodyPart], body: Iterable[BodyPart]) -> None:
         given_variables = {
-            v for p in parts if isinstance(p, Literal) and p.positive for v in term_variables(p.atom)
+            v
+            for p in parts
+            if isinstance(p, Literal) and p.positive
+            for v in term_variables(p.atom)
         }
         given_variables |= self.bound
         while (
-            more := {v for part in parts for v in _solved_variables(part, given_variables)} - given_variables
+            more := {v for part in parts for v in _solved_variables(part, given_variables)}
+            - given_variables
         ):
             given_variables |= more
         lost = [
-            v for part in body for v in part_variables(part) if v not in given_variables and v != ANYTHING
+            v
+            for part in body
+            for v in part_variables(part)
+            if v not in given_variables and v != ANYTHING
         ]
         if lost:
-            message = f"only fluents bind {lost[0]}, so nobody can tell which values this aggregate may have"
-            hint = f"bind {lost[0]} by a static in the braces, or compare the aggregate with a number"
+            message = (
+                f"only fluents bind {lost[0]}, so nobody can tell which values this aggregate "
+                "may have"
+            )
+            hint = (
+                f"bind {lost[0]} by a static in the braces, or compare the aggregate with a number"
+            )
             raise InvalidInput([Diagnostic(self.rule.where, "K202", message, hint)])
 
 
@@ -225,7 +274,9 @@ def _solved_variables(part: BodyPart, bound: set[Variable]) -> Iterator[Variable
     """The variables that an equation binds."""
     if isinstance(part, Comparison) and part.relation == "=":
         for ground_side, open_side in ((part.left, part.right), (part.right, part.left)):
-            if isinstance(open_side, Variable | Function) and bound.issuperset(term_variables(ground_side)):
+            if isinstance(open_side, Variable | Function) and bound.issuperset(
+                term_variables(ground_side)
+            ):
                 yield from (v for v in term_variables(open_side) if v != ANYTHING)
 
 
@@ -255,7 +306,9 @@ NEGATED_RELATIONS = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<="
 
 @dataclass(frozen=True, slots=True)
 class AggregateTest:
-    """Whether the value of an aggregate fits: all comparisons hold, or, if it is not `positive`, one does not."""
+    """Whether the value of an aggregate fits: all comparisons hold, or, if it is not
+    `positive`, one does not.
+    """
 
     guards: tuple[tuple[str, Key], ...]
     positive: bool
@@ -299,7 +352,8 @@ class WeightedTuple:
 def decide_aggregates(
     fittings: Sequence[FittingAggregate], universe: Universe, denied: Sequence[Bits], rules: Rules
 ) -> None:
-    """Add to `rules` those of all atoms that stand for aggregates. `denied` has what each fluent denies.
+    """Add to `rules` those of all atoms that stand for aggregates. `denied` has what each fluent
+    denies.
 
     Raises `InvalidInput` where an aggregate has too many values.
     """
@@ -313,19 +367,28 @@ def decide_aggregates(
             continue
         bindings = match_term(fitting.head, atom, {}) or {}
         if (test := _aggregate_test(fitting, bindings)) is not None:
-            own = tuple(substitute_term(argument, bindings) for argument in fitting.collected.arguments[:-1])
+            own = tuple(
+                substitute_term(argument, bindings) for argument in fitting.collected.arguments[:-1]
+            )
             choices = _weighted_tuples(fitting, members.get((fitting.collected.name, own), []))
             groups = _exclusive_groups(list(choices), denied, rules)
             try:
-                diagram_bodies = _Diagram(fitting.aggregate.function, groups, test, universe, rules).bodies()
+                diagram_bodies = _Diagram(
+                    fitting.aggregate.function, groups, test, universe, rules
+                ).bodies()
             except OverflowError:
-                message = f"on the way, #{fitting.aggregate.function} has more than {MAX_DIAGRAM_NODES} different values"
+                message = (
+                    f"on the way, #{fitting.aggregate.function} has more than "
+                    f"{MAX_DIAGRAM_NODES} different values"
+                )
                 hint = "count fewer things, or weights in larger units"
                 raise InvalidInput([Diagnostic(fitting.where, "K007", message, hint)]) from None
             rules.setdefault(number, []).extend(diagram_bodies)
 
 
-def _aggregate_test(fitting: FittingAggregate, bindings: Mapping[Variable, Term]) -> AggregateTest | None:
+def _aggregate_test(
+    fitting: FittingAggregate, bindings: Mapping[Variable, Term]
+) -> AggregateTest | None:
     """The comparisons with their values; None if one has none, so that nothing fits."""
     guards = []
     for relation, term in fitting.aggregate.guards:
@@ -339,7 +402,9 @@ def _aggregate_test(fitting: FittingAggregate, bindings: Mapping[Variable, Term]
 def _weighted_tuples(
     fitting: FittingAggregate, members: list[tuple[Function, int]]
 ) -> Iterator[WeightedTuple]:
-    """The tuples that count, with their weights; #sum passes over what is no number, as clingo does."""
+    """The tuples that count, with their weights; #sum passes over what is no number, as clingo
+    does.
+    """
     for atom, number in members:
         last_argument = atom.arguments[-1]
         assert isinstance(last_argument, Function)
@@ -353,7 +418,9 @@ def _weighted_tuples(
 def _exclusive_groups(
     choices: list[WeightedTuple], denied: Sequence[Bits], rules: Rules
 ) -> list[list[WeightedTuple]]:
-    """The tuples in groups of which at most one is in the set, because its fluents deny those of the others."""
+    """The tuples in groups of which at most one is in the set, because its fluents deny those
+    of the others.
+    """
     groups: list[list[WeightedTuple]] = []
     fluents = {choice.atom: _needed_fluents(choice.atom, rules, len(denied)) for choice in choices}
     for choice_entry in choices:
@@ -412,7 +479,9 @@ class _Diagram:
         return low[::-1], high[::-1]
 
     def _verdict(self, place: int, value: Key) -> bool | None:
-        return self.test.verdict(self.join(value, self.low[place]), self.join(value, self.high[place]))
+        return self.test.verdict(
+            self.join(value, self.low[place]), self.join(value, self.high[place])
+        )
 
     def bodies(self) -> list[DiagramBody]:
         """The bodies of the rules that make the aggregate fit."""
@@ -426,10 +495,14 @@ class _Diagram:
         after: dict[Key, list[DiagramBody]] = {}
         for place in reversed(range(len(levels))):
             named = {value: self._named(bodies) for value, bodies in after.items()}
-            after = {value: self._at(place, value, named) for value in sorted(levels[place], key=repr)}
+            after = {
+                value: self._at(place, value, named) for value in sorted(levels[place], key=repr)
+            }
         return after[self.start]
 
-    def _at(self, place: int, value: Key, after: Mapping[Key, DiagramBody | None]) -> list[DiagramBody]:
+    def _at(
+        self, place: int, value: Key, after: Mapping[Key, DiagramBody | None]
+    ) -> list[DiagramBody]:
         """The bodies for a value at a place, from what follows at the next place."""
         verdict = self._verdict(place, value)
         if verdict is not None:
@@ -461,7 +534,9 @@ class _Diagram:
         return (first.weight > second.weight) - (first.weight < second.weight)
 
     def _named(self, bodies: list[DiagramBody]) -> DiagramBody | None:
-        """What stands for some bodies in the bodies before: nothing, a single literal, or a new derived atom; None if none."""
+        """What stands for some bodies in the bodies before: nothing, a single literal, or a new
+        derived atom; None if none.
+        """
         if not bodies:
             return None
         if len(bodies) == 1 and len(bodies[0]) <= 1:
@@ -486,4 +561,9 @@ _JOIN_FUNCTIONS: Mapping[str, Callable[[Key, Key], Key]] = {
     "min": min,
     "max": max,
 }
-_START_KEYS: Mapping[str, Key] = {"count": (0, 0), "sum": (0, 0), "min": HIGHEST_KEY, "max": LOWEST_KEY}
+_START_KEYS: Mapping[str, Key] = {
+    "count": (0, 0),
+    "sum": (0, 0),
+    "min": HIGHEST_KEY,
+    "max": LOWEST_KEY,
+}

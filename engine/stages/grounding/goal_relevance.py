@@ -1,7 +1,8 @@
 """Goal relevance: what the goals can need, found backwards over operators with variables.
 
-A pattern is an atom in which `_` stands for anything. A pattern is relevant if making it true, or false, may help to reach
-a goal. Patterns only say what may be needed: they leave out types and static conditions, and so never too much.
+A pattern is an atom in which `_` stands for anything. A pattern is relevant if making it true, or
+false, may help to reach a goal. Patterns only say what may be needed: they leave out types and
+static conditions, and so never too much.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,7 +17,13 @@ from cellwright.engine.stages.grounding.grounding_program import (
     precondition_schemas,
 )
 from cellwright.kb.model.condition_forms import Normaliser
-from cellwright.kb.model.conditions import BodyPart, Literal, StateAggregate, goal_parts, literals_in
+from cellwright.kb.model.conditions import (
+    BodyPart,
+    Literal,
+    StateAggregate,
+    goal_parts,
+    literals_in,
+)
 from cellwright.kb.model.domain_model import Domain
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import (
@@ -44,7 +51,8 @@ class WantedPattern:
 
 @dataclass
 class GoalRelevance:
-    """The relevant patterns, the bindings under which each operator is relevant, and the static conditions that are read.
+    """The relevant patterns, the bindings under which each operator is relevant, and the static
+    conditions that are read.
 
     `bindings` are by the name of the operator. A variable that is not bound may have any value.
     """
@@ -67,7 +75,9 @@ class GoalRelevance:
 
     def reads(self, fact: Atom) -> bool:
         """Whether a static condition of a relevant operator can ask for a fact."""
-        return any(patterns_overlap(pattern, fact) for pattern in self._statics_by_name.get(fact.name, ()))
+        return any(
+            patterns_overlap(pattern, fact) for pattern in self._statics_by_name.get(fact.name, ())
+        )
 
     @property
     def static_predicates(self) -> set[tuple[str, int]]:
@@ -86,16 +96,23 @@ def find_relevance(problem: Problem) -> GoalRelevance:
 
 
 class _RelevanceSearch:
-    """A search backwards from the goals. If it is `blurred`, patterns have `_` in the place of every argument."""
+    """A search backwards from the goals.
+
+    If it is `blurred`, patterns have `_` in the place of every argument.
+    """
 
     def __init__(self, problem: Problem, blurred: bool) -> None:
         self.problem, self.domain, self.blurred = problem, problem.domain, blurred
         normaliser, self.vocabulary = Normaliser(), ChangingPredicates(problem.domain)
-        self.schemas: list[Schema] = list(precondition_schemas(self.domain, normaliser, self.vocabulary))
+        self.schemas: list[Schema] = list(
+            precondition_schemas(self.domain, normaliser, self.vocabulary)
+        )
         self.conditionals: list[Conditional] = list(
             conditional_alternatives(self.domain, normaliser, self.vocabulary)
         )
-        self.goals = [d for part in goal_parts(problem.goal) for d in normaliser.disjuncts(part, {})]
+        self.goals = [
+            d for part in goal_parts(problem.goal) for d in normaliser.disjuncts(part, {})
+        ]
         self.rules = [*self.domain.rules, *normaliser.rules]
         self.vocabulary = ChangingPredicates(self.domain, normaliser.rules)
         self.found, self.waiting = GoalRelevance(), list[WantedPattern]()
@@ -104,7 +121,9 @@ class _RelevanceSearch:
         for disjunct in self.goals:
             self._need(disjunct, {})
         for chain in self.problem.chains:
-            for stage in (part for chain_stage in chain.stages for part in stage_parts(chain_stage)):
+            for stage in (
+                part for chain_stage in chain.stages for part in stage_parts(chain_stage)
+            ):
                 self._want(WantedPattern(_open_pattern(stage, {}), positive=True))
         while self.waiting and (self.blurred or len(self.found.wanted) <= MAX_RELEVANT_PATTERNS):
             self._supply(self.waiting.pop())
@@ -118,7 +137,9 @@ class _RelevanceSearch:
             self.found.wanted[wanted] = None
             self.waiting.append(wanted)
 
-    def _need(self, body: Iterable[BodyPart], bindings: Substitution, flipped: bool = False) -> None:
+    def _need(
+        self, body: Iterable[BodyPart], bindings: Substitution, flipped: bool = False
+    ) -> None:
         """Want all dynamic literals of a body, and note its static ones."""
         for part in body:
             if isinstance(part, StateAggregate):
@@ -170,7 +191,8 @@ class _RelevanceSearch:
 
 
 def amount_predicates(domain: Domain, schema: Schema) -> Iterator[tuple[str, int]]:
-    """The static predicates that the duration and the cost of an operator name, with their arities, except for travel.
+    """The static predicates that the duration and the cost of an operator name, with their arities,
+    except for travel.
 
     Travel ties all places to one another, and changes no plan but only how long it lasts.
     """
@@ -201,7 +223,8 @@ def _group_by_name(atoms: Iterable[Atom]) -> dict[str, list[Atom]]:
 
 
 def match_pattern(term: Term, pattern: Term) -> dict[Variable, Term] | None:
-    """The bindings under which a term with variables is among what a pattern stands for; None if it never is.
+    """The bindings under which a term with variables is among what a pattern stands for; None if it
+    never is.
 
     Where they are too hard to tell, a variable stays free.
     """
@@ -220,7 +243,8 @@ def _extend_bindings(term: Term, pattern: Term, bindings: dict[Variable, Term]) 
         term.name == pattern.name
         and len(term.arguments) == len(pattern.arguments)
         and all(
-            _extend_bindings(a, b, bindings) for a, b in zip(term.arguments, pattern.arguments, strict=True)
+            _extend_bindings(a, b, bindings)
+            for a, b in zip(term.arguments, pattern.arguments, strict=True)
         )
     )
 
@@ -241,7 +265,8 @@ def patterns_overlap(first: Term, second: Term) -> bool:
 def _open_pattern(atom: Atom, bindings: Substitution) -> Atom:
     """The pattern of an atom under bindings: what is still a variable becomes `_`."""
     return Function(
-        atom.name, tuple(_open_term(substitute_term(argument, bindings)) for argument in atom.arguments)
+        atom.name,
+        tuple(_open_term(substitute_term(argument, bindings)) for argument in atom.arguments),
     )
 
 

@@ -17,7 +17,8 @@ from cellwright.kb.terms import Atom, Function, Number
 def find_ambiguities(
     domain: Domain, doubts: Sequence[DoubtfulDenial], atoms: Sequence[Atom], groups: Sequence[Bits]
 ) -> Iterator[Diagnostic]:
-    """One diagnostic for each operator that denies an atom which may or may not have been true before.
+    """One diagnostic for each operator that denies an atom which may or may not have been true
+    before.
 
     This is open if the preconditions neither contain the atom nor exclude it.
     """
@@ -30,13 +31,18 @@ def find_ambiguities(
             continue
         reported.add(name)
         atom = indices(open_atoms)[0]
-        message = f"{doubt.instance} denies {atoms[atom]}; what follows depends on whether it was true before"
+        message = (
+            f"{doubt.instance} denies {atoms[atom]}; what follows depends on whether it was "
+            "true before"
+        )
         hint = f"add this atom, or one that excludes it, to the preconditions of {name}"
         yield Diagnostic(schemas[name].where, "K302", message, hint)
 
 
 class _Rivals:
-    """The atoms that are never true together with a given atom; they are looked up once for each atom."""
+    """The atoms that are never true together with a given atom; they are looked up once for
+    each atom.
+    """
 
     def __init__(self, groups: Sequence[Bits]) -> None:
         self.groups = groups
@@ -62,7 +68,9 @@ class _Rivals:
 def violated_constraints(problem: Problem, grounder: Grounder) -> Iterator[Diagnostic]:
     """One diagnostic per constraint of the domain that the problem violates."""
     hint = f"change the facts of {problem.name} or of its domain that break this constraint"
-    violated = [number.value for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
+    violated = [
+        number.value for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)
+    ]
     for number in sorted(violated):
         constraint = problem.domain.asp[number]
         wording = constraint.under("").strip()
@@ -85,7 +93,9 @@ def report_contradictions(instances: Instances, universe: Universe) -> Iterator[
 
 
 def report_invalid_amounts(instances: Instances) -> Iterator[Diagnostic]:
-    """One diagnostic per operator and fault, for an instance whose duration or cost is no amount."""
+    """One diagnostic per operator and fault, for an instance whose duration or cost is no
+    amount.
+    """
     for fault in instances.amiss.values():
         yield Diagnostic(fault.operator.where, fault.code, fault.message, fault.hint)
 

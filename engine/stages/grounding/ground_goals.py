@@ -1,10 +1,11 @@
 """Goals of a ground task: the ways to meet each conjunct, and the criticality weights of atoms.
 
-If the ways of all conjuncts have few combinations, each combination becomes an alternative goal of the task.
-If they have many, each conjunct gets an atom of its own, and internal operators add these atoms at the end:
-`_ends` ends the plan proper, and `_meets(n, k)` says that conjunct n holds in its k-th way. Internal
-operators cost nothing and never appear in a plan. Gazen & Knoblock 1997 compile disjunctive goals in this
-way, too. Where derived atoms stay in the task, a conjunct that can be met in several ways is a derived atom itself.
+If the ways of all conjuncts have few combinations, each combination becomes an alternative goal of
+the task. If they have many, each conjunct gets an atom of its own, and internal operators add these
+atoms at the end: `_ends` ends the plan proper, and `_meets(n, k)` says that conjunct n holds in its
+k-th way. Internal operators cost nothing and never appear in a plan. Gazen & Knoblock 1997 compile
+disjunctive goals in this way, too. Where derived atoms stay in the task, a conjunct that can be met
+in several ways is a derived atom itself.
 """
 
 import itertools
@@ -28,8 +29,8 @@ RUNNING, ENDED = Function("_running"), Function("_ended")
 
 @dataclass(frozen=True, slots=True)
 class CountedChain:
-    """A chain: the bit of each count of its stages, how many are reached at the start, and what has to hold at the end of
-    each number of stages.
+    """A chain: the bit of each count of its stages, how many are reached at the start, and what has
+    to hold at the end of each number of stages.
     """
 
     bits: tuple[Bits, ...]
@@ -39,14 +40,19 @@ class CountedChain:
 
 @dataclass(frozen=True, slots=True)
 class TaskWithoutGoals:
-    """A ground task without goals, the ways to satisfy each conjunct of its problem's goal, and its chains by their names."""
+    """A ground task without goals, the ways to satisfy each conjunct of its problem's goal, and
+    its chains by their names.
+    """
 
     task: GroundTask
     ways: tuple[tuple[Bits, ...], ...]
     chains: Mapping[str, "CountedChain"] = field(default_factory=dict)
 
     def wanting(
-        self, parts: Sequence[int], stages: Mapping[str, int] = NO_STAGES, free: Collection[str] = ()
+        self,
+        parts: Sequence[int],
+        stages: Mapping[str, int] = NO_STAGES,
+        free: Collection[str] = (),
     ) -> GroundTask | None:
         """The task with some of the conjuncts as its goal, and with chains up to so many `stages`.
 
@@ -57,7 +63,9 @@ class TaskWithoutGoals:
         chosen = [self.ways[part] for part in parts]
         if prod(map(len, chosen)) > MAX_GOAL_ALTERNATIVES:
             return None
-        counts = {name: max(stages.get(name, 0), chain.begun) for name, chain in self.chains.items()}
+        counts = {
+            name: max(stages.get(name, 0), chain.begun) for name, chain in self.chains.items()
+        }
         counts |= {name: len(self.chains[name].bits) - 1 for name in free}
         beyond = _union_choice(
             b for name, chain in self.chains.items() for b in chain.bits[counts[name] + 1 :]
@@ -73,7 +81,10 @@ class TaskWithoutGoals:
 
 @dataclass
 class GoalAlternatives:
-    """The ways to satisfy each conjunct of a goal. Additional atoms are numbered from `first` on."""
+    """The ways to satisfy each conjunct of a goal.
+
+    Additional atoms are numbered from `first` on.
+    """
 
     parts: list[list[Support]]
     first: int
@@ -96,13 +107,17 @@ class GoalAlternatives:
         """The alternative goals, and the operators together with the internal ones."""
         if not self._many:
             alternatives = {
-                _join_support_bits(choice, numbering): None for choice in itertools.product(*self.parts)
+                _join_support_bits(choice, numbering): None
+                for choice in itertools.product(*self.parts)
             }
             return list(alternatives), operators
         running, ended = 1 << self.first, 2 << self.first
-        goal = ended | _join_support_bits([part[0] for part in self.parts if len(part) == 1], numbering)
+        goal = ended | _join_support_bits(
+            [part[0] for part in self.parts if len(part) == 1], numbering
+        )
         running_operators = [
-            replace(operator, preconditions=operator.preconditions | running) for operator in operators
+            replace(operator, preconditions=operator.preconditions | running)
+            for operator in operators
         ]
         running_operators.append(GroundOperator(Function(ENDS), running, ended, running, cost=0))
         for place, number in enumerate(self._open):
@@ -119,7 +134,9 @@ class GoalAlternatives:
 def derive_alternative_goals(
     parts: Iterable[list[Support]], universe: Universe, rules: Rules
 ) -> list[list[Support]]:
-    """The conjuncts with one way each: what can be met in several ways is an additional derived atom with `rules`."""
+    """The conjuncts with one way each: what can be met in several ways is an additional derived
+    atom with `rules`.
+    """
     conjuncts = []
     for number, ways in enumerate(parts):
         if len(ways) > 1:
@@ -146,10 +163,10 @@ def criticality_weights(
 ) -> tuple[int, ...]:
     """One weight per atom.
 
-    A weight that the domain does not give is one more than the weight of the heaviest predicate that is
-    needed to achieve the atom. Predicates that need each other have the same weight (Knoblock 1994, ordered
-    abstraction hierarchies). A complementary atom has the weight of its positive atom. Stage counters are
-    heavier than everything else.
+    A weight that the domain does not give is one more than the weight of the heaviest predicate
+    that is needed to achieve the atom. Predicates that need each other have the same weight
+    (Knoblock 1994, ordered abstraction hierarchies). A complementary atom has the weight of its
+    positive atom. Stage counters are heavier than everything else.
     """
     names = {_predicate_name(atom) for atom in atoms}
     all_given = all(
@@ -159,13 +176,16 @@ def criticality_weights(
     by_predicate = {name: _given_weight(domain, name, derived) for name in names}
     heaviest = 1 + max(by_predicate.values(), default=0)
     return tuple(
-        heaviest if atom.name.startswith("_") else by_predicate[_predicate_name(atom)] for atom in atoms
+        heaviest if atom.name.startswith("_") else by_predicate[_predicate_name(atom)]
+        for atom in atoms
     )
 
 
 def _given_weight(domain: Domain, name: str, derived: dict[str, int]) -> int:
     predicate = domain.predicates.get(name)
-    return derived.get(name, 0) if predicate is None or predicate.weight is None else predicate.weight
+    return (
+        derived.get(name, 0) if predicate is None or predicate.weight is None else predicate.weight
+    )
 
 
 def _predicate_name(atom: Atom) -> str:
@@ -189,7 +209,9 @@ def _predicates_in(masks: list[tuple[str, Bits]], bits: Bits) -> tuple[str, ...]
 
 
 def _derive_weights(atoms: Sequence[Atom], operators: Sequence[GroundOperator]) -> dict[str, int]:
-    needs: dict[str, set[str]] = {name: set() for name in sorted({_predicate_name(atom) for atom in atoms})}
+    needs: dict[str, set[str]] = {
+        name: set() for name in sorted({_predicate_name(atom) for atom in atoms})
+    }
     masks = _predicate_masks(atoms)
     signatures = {
         (_predicates_in(masks, operator.adds), _predicates_in(masks, operator.preconditions))

@@ -1,8 +1,8 @@
 """ASP text of a problem's grounding: its literals, rules and operator schemas.
 
-The text uses these predicates. `_r_p` holds the reachable atoms of dynamic predicate p. `_i_p` holds the same
-atoms with their numbers. `_o_k` holds the instances of schema k. `_v_p` holds the events that a workflow
-stage names. Reachability ignores negative conditions.
+The text uses these predicates. `_r_p` holds the reachable atoms of dynamic predicate p. `_i_p`
+holds the same atoms with their numbers. `_o_k` holds the instances of schema k. `_v_p` holds the
+events that a workflow stage names. Reachability ignores negative conditions.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -35,7 +35,8 @@ class Schema:
     number: int
     literals: tuple[Literal, ...]
     static: Body
-    variables: tuple[Variable, ...]  # the header's, then those that occur only in dynamic conditions
+    # the header's, then those that occur only in dynamic conditions
+    variables: tuple[Variable, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +102,11 @@ def precondition_schemas(
             vocabulary.derived |= {invented.head.name for invented in normaliser.rules}
             literals, static = vocabulary.split(disjunct)
             yield Schema(
-                operator, number, literals, (*operator.body, *static), _header_variables(operator, literals)
+                operator,
+                number,
+                literals,
+                (*operator.body, *static),
+                _header_variables(operator, literals),
             )
             number += 1
 
@@ -120,7 +125,10 @@ def conditional_alternatives(
         for effect in operator.effects:
             if not is_conditional(effect):
                 continue
-            inner = {**types, **{parameter.variable: parameter.type for parameter in effect.parameters}}
+            inner = {
+                **types,
+                **{parameter.variable: parameter.type for parameter in effect.parameters},
+            }
             for disjunct in normaliser.disjuncts(effect.condition, inner):
                 vocabulary.derived |= {invented.head.name for invented in normaliser.rules}
                 literals, static = vocabulary.split(disjunct)
@@ -130,7 +138,11 @@ def conditional_alternatives(
                     literals,
                     (
                         *static,
-                        *(_guard_literal(p) for p in effect.parameters if p.type not in UNLISTED_TYPES),
+                        *(
+                            _guard_literal(p)
+                            for p in effect.parameters
+                            if p.type not in UNLISTED_TYPES
+                        ),
                     ),
                 )
 
@@ -162,13 +174,15 @@ def instance_rule(schema: Schema, vocabulary: ChangingPredicates) -> str:
 def instance_body(schema: Schema, vocabulary: ChangingPredicates) -> list[str]:
     """When an instance of a schema is reachable.
 
-    A workflow stage must name each of its events. Of those that happen under conditions, a stage gives the numbers that nothing
-    else binds.
+    A workflow stage must name each of its events. Of those that happen under conditions, a stage
+    gives the numbers that nothing else binds.
     """
     effects = [e for e in schema.operator.effects if e.atom.name in vocabulary.events]
     named = [e.atom for e in effects if not is_conditional(e)]
     named += [
-        _numbers_of(e.atom, schema) for e in effects if is_conditional(e) and _gives_values(e.atom, schema)
+        _numbers_of(e.atom, schema)
+        for e in effects
+        if is_conditional(e) and _gives_values(e.atom, schema)
     ]
     body = [str(Function(f"_v_{event.name}", event.arguments)) for event in named]
     body += [reachable_literal(literal.atom) for literal in schema.literals if literal.positive]
@@ -177,7 +191,9 @@ def instance_body(schema: Schema, vocabulary: ChangingPredicates) -> list[str]:
 
 
 def _gives_values(event: Atom, schema: Schema) -> bool:
-    """Whether a stage has to say which values a variable of the header takes: it is a number that nothing else binds."""
+    """Whether a stage has to say which values a variable of the header takes: it is a number
+    that nothing else binds.
+    """
     return any(
         isinstance(argument, Variable)
         for argument in _numbers_of(event, schema).arguments
@@ -192,7 +208,9 @@ def _numbers_of(event: Atom, schema: Schema) -> Atom:
     wanted_variables = unlisted - bound
     return Function(
         event.name,
-        tuple(argument if argument in wanted_variables else ANYTHING for argument in event.arguments),
+        tuple(
+            argument if argument in wanted_variables else ANYTHING for argument in event.arguments
+        ),
     )
 
 
@@ -223,13 +241,20 @@ def deduction_rules(operator: DeductiveOperator) -> Iterator[str]:
         if consequence.implied:
             yield rule_text(
                 reachable_literal(consequence.atom),
-                [reachable_literal(operator.trigger.atom), *consequence_body(operator, consequence)],
+                [
+                    reachable_literal(operator.trigger.atom),
+                    *consequence_body(operator, consequence),
+                ],
             )
 
 
 def consequence_body(operator: DeductiveOperator, consequence: Consequence) -> list[str]:
     """The static conditions and types under which a consequence follows."""
-    return [*type_guard(consequence.parameters), *map(str, operator.body), *map(str, consequence.body)]
+    return [
+        *type_guard(consequence.parameters),
+        *map(str, operator.body),
+        *map(str, consequence.body),
+    ]
 
 
 def derived_rule(rule_: Rule, vocabulary: ChangingPredicates) -> str:
@@ -242,14 +267,15 @@ def derived_rule(rule_: Rule, vocabulary: ChangingPredicates) -> str:
 def column_name(prefix: str, index: int) -> str:
     """The name of a variable that holds a number in a row.
 
-    It differs from every name that an author may write, because the author's variables occur in the same
-    rule.
+    It differs from every name that an author may write, because the author's variables occur in the
+    same rule.
     """
     return f"__{prefix}{index}"
 
 
 def number_literals(literals: Iterable[Literal], prefix: str) -> tuple[list[str], list[str]]:
-    """Body literals that bind a variable to the number of each literal's atom, and the variables' names.
+    """Body literals that bind a variable to the number of each literal's atom, and the variables'
+    names.
 
     The number is -1 for a negated literal whose atom is unreachable.
     """
@@ -262,7 +288,8 @@ def number_literals(literals: Iterable[Literal], prefix: str) -> tuple[list[str]
         else:
             number_column = column_name(f"{prefix}N", index)
             body.append(
-                f"{name} = #max {{ -1 ; {number_column} : {numbered_literal(literal.atom, number_column)} }}"
+                f"{name} = #max {{ -1 ; {number_column} : "
+                f"{numbered_literal(literal.atom, number_column)} }}"
             )
     return body, names
 
@@ -273,4 +300,6 @@ def signed_numbers(literals: Sequence[Literal], numbers: list[int]) -> tuple[int
     A negated atom that is never reachable (number -1) is always false, so it is left out.
     """
     pairs = zip(literals, numbers, strict=True)
-    return tuple(n if literal.positive else ~n for literal, n in pairs if literal.positive or n >= 0)
+    return tuple(
+        n if literal.positive else ~n for literal, n in pairs if literal.positive or n >= 0
+    )

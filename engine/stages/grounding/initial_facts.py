@@ -45,7 +45,9 @@ def initial_state(
     ]
     for number, default in enumerate(problem.domain.defaults):
         default_atoms = grounder.atoms(f"_d_{number}", len(default.atom.arguments))
-        for atom in sorted((Function(default.atom.name, arguments) for arguments in default_atoms), key=str):
+        for atom in sorted(
+            (Function(default.atom.name, arguments) for arguments in default_atoms), key=str
+        ):
             state.suppose(universe.index[atom])
     return universe.names(state.facts), wrong
 
@@ -58,7 +60,9 @@ def default_instances(problem: Problem) -> tuple[Atom, ...]:
     return tuple(
         Function(default.atom.name, arguments)
         for number, default in enumerate(problem.domain.defaults)
-        for arguments in sorted(grounder.atoms(f"_d_{number}", len(default.atom.arguments)), key=str)
+        for arguments in sorted(
+            grounder.atoms(f"_d_{number}", len(default.atom.arguments)), key=str
+        )
     )
 
 
@@ -74,7 +78,10 @@ def _report_strange_arguments(problem: Problem, grounder: Grounder) -> Iterator[
         type_ = problem.domain.predicates[fact.name].arguments[place.value]
         message = f"{fact.arguments[place.value]} is no {type_}, in the initial {fact}"
         yield Diagnostic(
-            problem.where, "K103", message, f"change this fact, or the facts that define the type {type_}"
+            problem.where,
+            "K103",
+            message,
+            f"change this fact, or the facts that define the type {type_}",
         )
 
 
@@ -82,11 +89,17 @@ def _report_contradiction(problem: Problem, denied: tuple[Atom, ...]) -> list[Di
     if not denied:
         return []
     message = f"the initial facts deny {', '.join(map(str, denied))}"
-    return [Diagnostic(problem.where, "K301", message, "remove one of the facts that exclude each other")]
+    return [
+        Diagnostic(
+            problem.where, "K301", message, "remove one of the facts that exclude each other"
+        )
+    ]
 
 
 def _names_read(domain: Domain, program: Iterable[str]) -> set[str]:
-    """The names in a program and in all that is deduced from initial facts: other static facts have no say in it."""
+    """The names in a program and in all that is deduced from initial facts: other static facts
+    have no say in it.
+    """
     bodies = (
         text
         for operator in domain.deductive_operators
@@ -105,13 +118,18 @@ def _initial_program(problem: Problem) -> list[str]:
         predicate = problem.domain.predicates.get(fact.name)
         for place, type_ in enumerate(predicate.arguments if predicate else ()):
             if type_ not in BUILT_IN_TYPES:
-                text.append(f"{STRANGE_PREDICATE}({number},{place}) :- not {type_}({fact.arguments[place]}).")
+                text.append(
+                    f"{STRANGE_PREDICATE}({number},{place}) :- not "
+                    f"{type_}({fact.arguments[place]})."
+                )
     for number, default in enumerate(problem.domain.defaults):
         body = [*type_guard(default.parameters), *map(str, default.body)]
         text.append(rule_text(str(Function(f"_d_{number}", default.atom.arguments)), body))
         text.append(rule_text(reachable_literal(default.atom), body))
     return text + [
-        line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)
+        line
+        for operator in problem.domain.deductive_operators
+        for line in deduction_rules(operator)
     ]
 
 

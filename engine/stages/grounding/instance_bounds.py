@@ -42,7 +42,9 @@ def bound_instances(problem: Problem) -> float:
 
 def _operator_suspects(problem: Problem, operator_schemas: Sequence[Schema]) -> Iterator[Suspect]:
     sizes = bound_type_sizes(problem)
-    facts = Counter(fact.name for fact in problem.statics) if not problem.domain.asp else Counter[str]()
+    facts = (
+        Counter(fact.name for fact in problem.statics) if not problem.domain.asp else Counter[str]()
+    )
     for schema in operator_schemas:
         operator = schema.operator
         values = {p.variable: sizes.get(p.type, ASSUMED_NUMBER_VALUES) for p in operator.parameters}
@@ -51,7 +53,9 @@ def _operator_suspects(problem: Problem, operator_schemas: Sequence[Schema]) -> 
             for part in schema.static
             if isinstance(part, Literal) and part.positive and part.atom.name in facts
         ]
-        counted = sum(len(set(part.standing)) for part in schema.static if isinstance(part, Aggregate))
+        counted = sum(
+            len(set(part.standing)) for part in schema.static if isinstance(part, Aggregate)
+        )
         bound = most_bindings(values, fact_counts) * float(ASSUMED_NUMBER_VALUES) ** counted
         yield Suspect(str(operator.header), operator.where, bound)
 
@@ -61,9 +65,9 @@ def most_bindings(
 ) -> float:
     """An upper bound on the number of bindings of variables.
 
-    `values` is the number of values of each variable. `given` are sets of variables that a static relation
-    binds together, each with the number of its facts. A set is used as long as it has fewer facts than its
-    variables have combinations of values.
+    `values` is the number of values of each variable. `given` are sets of variables that a static
+    relation binds together, each with the number of its facts. A set is used as long as it has
+    fewer facts than its variables have combinations of values.
     """
     values_left, bound = dict(values), 1.0
     while True:
@@ -78,7 +82,9 @@ def most_bindings(
         if saved <= 1:
             return bound * prod(values_left.values())
         bound *= ways
-        values_left = {variable: count for variable, count in values_left.items() if variable not in together}
+        values_left = {
+            variable: count for variable, count in values_left.items() if variable not in together
+        }
 
 
 def _consequence_suspects(problem: Problem) -> Iterator[Suspect]:
@@ -93,10 +99,13 @@ def _consequence_suspects(problem: Problem) -> Iterator[Suspect]:
             yield Suspect(f"what follows from {deductive.trigger}", deductive.where, bound)
 
 
-def _joint_parameters(deductive: DeductiveOperator, consequence: Consequence) -> list[list[Parameter]]:
+def _joint_parameters(
+    deductive: DeductiveOperator, consequence: Consequence
+) -> list[list[Parameter]]:
     """The parameters that are bound together.
 
-    These are all parameters, or the parameters of each side where a consequence is split into two sides.
+    These are all parameters, or the parameters of each side where a consequence is split into two
+    sides.
     """
     parameters = list(consequence.parameters)
     if split_sides(deductive, consequence) is None:
@@ -111,27 +120,34 @@ def bound_type_sizes(problem: Problem) -> Mapping[str, float]:
     A numeric argument of a term counts as `NUMBERS` values.
     """
     domain = problem.domain
-    own: dict[str, float] = {name: float(len(type_.constants)) for name, type_ in domain.types.items()}
+    own: dict[str, float] = {
+        name: float(len(type_.constants)) for name, type_ in domain.types.items()
+    }
     for type_name in (*domain.objects.values(), *problem.objects.values()):
         own[type_name] = own.get(type_name, 0.0) + 1
     order = list(domain.types)
     for _ in order:  # types and functions are not recursive, so one round per type is enough
         total = {
-            name: sum(size for sub, size in own.items() if domain.is_subtype(sub, name)) for name in order
+            name: sum(size for sub, size in own.items() if domain.is_subtype(sub, name))
+            for name in order
         }
         counts = _count_terms(domain, total)
         grown = {name: _plain_type_size(problem, name) + counts.get(name, 0.0) for name in order}
         if grown == own:
             break
         own = grown
-    total = {name: sum(size for sub, size in own.items() if domain.is_subtype(sub, name)) for name in order}
+    total = {
+        name: sum(size for sub, size in own.items() if domain.is_subtype(sub, name))
+        for name in order
+    }
     return {**total, OBJECT_TYPE: sum(own.values())}
 
 
 def _plain_type_size(problem: Problem, name: str) -> float:
     objects = {**problem.domain.objects, **problem.objects}
     return float(
-        len(problem.domain.types[name].constants) + sum(1 for type_ in objects.values() if type_ == name)
+        len(problem.domain.types[name].constants)
+        + sum(1 for type_ in objects.values() if type_ == name)
     )
 
 

@@ -1,10 +1,11 @@
 """Mutex groups by invariant synthesis (Helmert 2009), and conditional effects that they rule out.
 
-A candidate is a set of atom patterns. Each pattern is a predicate with at most one counted argument; its
-other arguments are the parameters of the invariant. If an operator would break a candidate by adding an atom,
-the candidate is refined: it gets one more pattern, which this operator consumes. Candidates are made from
-predicates, but they are verified on ground operators, for one instance of the parameters at a time. So an
-instance may be an invariant where the whole schema is not.
+A candidate is a set of atom patterns. Each pattern is a predicate with at most one counted
+argument; its other arguments are the parameters of the invariant. If an operator would break a
+candidate by adding an atom, the candidate is refined: it gets one more pattern, which this operator
+consumes. Candidates are made from predicates, but they are verified on ground operators, for one
+instance of the parameters at a time. So an instance may be an invariant where the whole schema is
+not.
 """
 
 import itertools
@@ -17,7 +18,8 @@ from cellwright.engine.model.ground_task import GroundOperator
 from cellwright.engine.stages.grounding.conserving import Conserving
 from cellwright.kb.terms import Atom, Term
 
-Part = tuple[str, tuple[int, ...]]  # predicate, and the argument position of each invariant parameter
+# predicate, and the argument position of each invariant parameter
+Part = tuple[str, tuple[int, ...]]
 Candidate = frozenset[Part]
 MAX_CANDIDATES = 300
 
@@ -25,7 +27,8 @@ MAX_CANDIDATES = 300
 def mutex_groups(
     atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits, derived: Bits = 0
 ) -> tuple[Bits, ...]:
-    """Sets of at least two atoms of which at most one is true in every reachable state, largest first.
+    """Sets of at least two atoms of which at most one is true in every reachable state, largest
+    first.
 
     No atom that is `derived` is in them: no operator adds it.
     """
@@ -33,14 +36,20 @@ def mutex_groups(
     groups = search.run()
     maximal_groups: list[Bits] = []
     for group in sorted(set(groups), key=lambda bits: (-bits.bit_count(), bits)):
-        if group.bit_count() > 1 and not any(group & ~larger_group == 0 for larger_group in maximal_groups):
+        if group.bit_count() > 1 and not any(
+            group & ~larger_group == 0 for larger_group in maximal_groups
+        ):
             maximal_groups.append(group)
     return tuple(maximal_groups)
 
 
 class _InvariantSearch:
     def __init__(
-        self, atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits, derived: Bits
+        self,
+        atoms: Sequence[Atom],
+        operators: Sequence[GroundOperator],
+        initial: Bits,
+        derived: Bits,
     ) -> None:
         self.atoms, self.operators = atoms, operators
         self.conserving = Conserving(
@@ -59,7 +68,9 @@ class _InvariantSearch:
 
     def run(self) -> Iterator[Bits]:
         queue = [
-            frozenset([part]) for signature in self.by_predicate for part in _predicate_parts(*signature)
+            frozenset([part])
+            for signature in self.by_predicate
+            for part in _predicate_parts(*signature)
         ]
         seen = set(queue)
         position = 0
@@ -87,7 +98,10 @@ class _InvariantSearch:
         return list(groups.values())
 
     def _grouped(self, part: Part) -> dict[tuple[Term, ...], Bits]:
-        """The atoms that match a pattern, for each value of its parameters. Many candidates share a pattern."""
+        """The atoms that match a pattern, for each value of its parameters.
+
+        Many candidates share a pattern.
+        """
         groups = self._known.get(part)
         if groups is None:
             name, positions = part
@@ -98,8 +112,12 @@ class _InvariantSearch:
                     groups[tuple([arguments[position] for position in positions])] |= 1 << number
         return groups
 
-    def _refined(self, candidate: Candidate, group: Bits, operator: GroundOperator) -> Iterator[Candidate]:
-        """The candidate with one more pattern, for each pattern that fits what the operator consumes."""
+    def _refined(
+        self, candidate: Candidate, group: Bits, operator: GroundOperator
+    ) -> Iterator[Candidate]:
+        """The candidate with one more pattern, for each pattern that fits what the operator
+        consumes.
+        """
         if (operator.adds & group).bit_count() > 1:
             return
         present = {name for name, _ in candidate}
@@ -138,7 +156,10 @@ def _predicate_parts(name: str, arity: int, parameters: int | None = None) -> It
 def drop_impossible_effects(
     operators: Iterable[GroundOperator], groups: Iterable[Bits]
 ) -> Iterator[GroundOperator]:
-    """The operators with those conditional effects that may happen, by mutex groups. The groups may overlap."""
+    """The operators with those conditional effects that may happen, by mutex groups.
+
+    The groups may overlap.
+    """
     excluded: dict[int, Bits] = {}
     for group in groups:
         for atom in indices(group):
@@ -147,7 +168,9 @@ def drop_impossible_effects(
         yield _without_impossible_effects(operator, excluded) if operator.conditional else operator
 
 
-def _without_impossible_effects(operator: GroundOperator, excluded: dict[int, Bits]) -> GroundOperator:
+def _without_impossible_effects(
+    operator: GroundOperator, excluded: dict[int, Bits]
+) -> GroundOperator:
     against = _excluded_atoms(operator.preconditions, excluded)
     possible_effects = [
         effect

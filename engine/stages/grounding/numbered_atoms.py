@@ -1,7 +1,7 @@
 """Numbered atoms: the reachable atoms of a problem, their signed numbers, and tables of numbers.
 
-A negative condition on atom p becomes a positive condition on the complementary atom `not(p)`. So does one on a derived atom
-that is not replaced by its definition.
+A negative condition on atom p becomes a positive condition on the complementary atom `not(p)`. So
+does one on a derived atom that is not replaced by its definition.
 """
 
 from collections.abc import Iterable, Mapping
@@ -9,22 +9,28 @@ from dataclasses import dataclass, field, replace
 
 from cellwright.engine.kernels.bits import Bits, bitset, indices
 from cellwright.engine.model.ground_task import ConditionalEffect, GroundOperator
-from cellwright.engine.stages.grounding.grounding_program import ChangingPredicates, numbered_literal
+from cellwright.engine.stages.grounding.grounding_program import (
+    ChangingPredicates,
+    numbered_literal,
+)
 from cellwright.kb.asp import Grounder
 from cellwright.kb.asp.integer_tables import IntegerTable
 from cellwright.kb.terms import Atom, Function, Term
 
 FIRST_DERIVED_NUMBER = (
     1 << 29
-)  # the first number of a derived atom, which gets a bit only if needed; clingo's numbers have 32 bits
+    # the first number of a derived atom, which gets a bit only if needed; clingo's numbers have 32
+    # bits
+)
 
 
 @dataclass
 class Numbering:
     """The numbers of atoms and complementary atoms.
 
-    Fluents keep their numbers. The complementary atom of a fluent, a derived atom and its complementary atom get numbers from
-    `size` on when they are first needed; `added` has them by their signed numbers.
+    Fluents keep their numbers. The complementary atom of a fluent, a derived atom and its
+    complementary atom get numbers from `size` on when they are first needed; `added` has them by
+    their signed numbers.
     """
 
     size: int
@@ -34,7 +40,9 @@ class Numbering:
 
     def bits(self, support: Iterable[int]) -> Bits:
         """The bitset of a set of signed numbers."""
-        return bitset([atom if 0 <= atom < FIRST_DERIVED_NUMBER else self.number(atom) for atom in support])
+        return bitset(
+            [atom if 0 <= atom < FIRST_DERIVED_NUMBER else self.number(atom) for atom in support]
+        )
 
     def number(self, signed: int) -> int:
         """The number of a signed atom."""
@@ -72,11 +80,15 @@ def complement_effects(operator: GroundOperator, numbering: Numbering) -> Ground
     adds, deletes = numbering.kept(operator.adds, operator.deletes)
     if adds == operator.adds and deletes == operator.deletes and not operator.conditional:
         return operator
-    conditional = tuple(_complete_effect(effect, operator.adds, numbering) for effect in operator.conditional)
+    conditional = tuple(
+        _complete_effect(effect, operator.adds, numbering) for effect in operator.conditional
+    )
     return replace(operator, adds=adds, deletes=deletes, conditional=conditional)
 
 
-def _complete_effect(effect: ConditionalEffect, added: Bits, numbering: Numbering) -> ConditionalEffect:
+def _complete_effect(
+    effect: ConditionalEffect, added: Bits, numbering: Numbering
+) -> ConditionalEffect:
     """The conditional effect with its effects on complementary atoms.
 
     It does not delete what the operator adds unconditionally.
@@ -91,22 +103,32 @@ class Universe:
     `atoms` are the fluents. `derived` are the derived atoms; their numbers begin at `DERIVED`.
     """
 
-    def __init__(self, grounder: Grounder, vocabulary: ChangingPredicates, invented: dict[str, int]) -> None:
+    def __init__(
+        self, grounder: Grounder, vocabulary: ChangingPredicates, invented: dict[str, int]
+    ) -> None:
         self._grounder = grounder
         self.atoms: list[Atom] = []
         self.derived: list[Atom] = []
         predicates = vocabulary.domain.predicates
         arities = {
-            name: len(predicates[name].arguments) for name in predicates if vocabulary.is_dynamic(name)
+            name: len(predicates[name].arguments)
+            for name in predicates
+            if vocabulary.is_dynamic(name)
         }
         for name, arity in {**arities, **invented}.items():
             predicate_atoms = grounder.atoms(f"_r_{name}", arity)
             part = self.derived if name in vocabulary.derived else self.atoms
-            part.extend(sorted((Function(name, arguments) for arguments in predicate_atoms), key=str))
+            part.extend(
+                sorted((Function(name, arguments) for arguments in predicate_atoms), key=str)
+            )
         self.index: dict[Atom, int] = {atom: number for number, atom in enumerate(self.atoms)}
-        self.index.update((atom, FIRST_DERIVED_NUMBER + number) for number, atom in enumerate(self.derived))
+        self.index.update(
+            (atom, FIRST_DERIVED_NUMBER + number) for number, atom in enumerate(self.derived)
+        )
         facts = (f"{numbered_fact(atom, number)}." for atom, number in self.index.items())
-        declared = (f"#defined _i_{name}/{arity + 1}." for name, arity in {**arities, **invented}.items())
+        declared = (
+            f"#defined _i_{name}/{arity + 1}." for name, arity in {**arities, **invented}.items()
+        )
         grounder.ground("\n".join((*declared, *facts)))
         self.terms: list[Term] = []
         self._derived = vocabulary.derived
@@ -140,7 +162,9 @@ class Universe:
         """Numbers the terms that `rules` collect in `_arg`, as facts `_a(term, number)`."""
         self._grounder.ground("\n".join(rules))
         self.terms = [arguments[0] for arguments in self._grounder.atoms("_arg", 1)]
-        self._grounder.ground("\n".join(f"_a({term},{number})." for number, term in enumerate(self.terms)))
+        self._grounder.ground(
+            "\n".join(f"_a({term},{number})." for number, term in enumerate(self.terms))
+        )
 
     def tables(self, rules: dict[str, tuple[str, int]]) -> dict[str, IntegerTable]:
         """The rows of each predicate.

@@ -1,7 +1,7 @@
 """Numeric quantities: taken out of a problem before grounding, put into the ground task after it.
 
-Each comparison with a quantity becomes a derived atom `_compared_n(variables)`, and the changes of operators are kept apart. So
-clingo never sees the values.
+Each comparison with a quantity becomes a derived atom `_compared_n(variables)`, and the changes of
+operators are kept apart. So clingo never sees the values.
 """
 
 import dataclasses
@@ -56,7 +56,9 @@ COMPARISON_PREFIX = "_compared_"
 
 @dataclass(frozen=True, slots=True)
 class QuantityTest:
-    """What the derived predicate of `head` stands for: a comparison, in which variables are the values of quantities."""
+    """What the derived predicate of `head` stands for: a comparison, in which variables are the
+    values of quantities.
+    """
 
     head: Atom
     values: Mapping[Variable, Function]
@@ -85,7 +87,9 @@ class SeparatedQuantities:
     def without_tests(self, body: Body) -> Body:
         """A body without the literals that stand for comparisons."""
         return tuple(
-            p for p in body if not (isinstance(p, Literal) and p.atom.name.startswith(COMPARISON_PREFIX))
+            p
+            for p in body
+            if not (isinstance(p, Literal) and p.atom.name.startswith(COMPARISON_PREFIX))
         )
 
     def literals_of(self, literals: Sequence[Literal]) -> list[Literal]:
@@ -94,7 +98,10 @@ class SeparatedQuantities:
 
 
 def without_quantities(problem: Problem) -> SeparatedQuantities:
-    """A problem without quantities, and what was taken out. Raises `InvalidInput` if a quantity has no single value."""
+    """A problem without quantities, and what was taken out.
+
+    Raises `InvalidInput` if a quantity has no single value.
+    """
     domain = problem.domain
     if not domain.quantities:
         return SeparatedQuantities(problem)
@@ -104,7 +111,9 @@ def without_quantities(problem: Problem) -> SeparatedQuantities:
     plain = dataclasses.replace(
         domain,
         operators=operators,
-        predicates={n: predicate for n, predicate in domain.predicates.items() if n not in domain.quantities},
+        predicates={
+            n: predicate for n, predicate in domain.predicates.items() if n not in domain.quantities
+        },
         quantities={},
     )
     facts = [atom for atom in problem.initial if atom.name in domain.quantities]
@@ -158,7 +167,9 @@ class _Taking:
         *rest, value = atom.arguments
         for part in goal_parts(condition):
             if isinstance(part, Comparison) and part.relation == "=" and part.left == value:
-                return QuantitySetting(Function(atom.name, tuple(rest)), part.right, self._values(condition))
+                return QuantitySetting(
+                    Function(atom.name, tuple(rest)), part.right, self._values(condition)
+                )
         return None
 
     def _values(self, condition: Condition) -> dict[Variable, Function]:
@@ -175,7 +186,9 @@ class _Taking:
         """The condition with derived atoms in the place of comparisons with quantities."""
         match condition:
             case Exists(_, part) if values := self._values(part):
-                tests = [conjunct for conjunct in goal_parts(part) if isinstance(conjunct, Comparison)]
+                tests = [
+                    conjunct for conjunct in goal_parts(part) if isinstance(conjunct, Comparison)
+                ]
                 literals = tuple(self._test(values, test, where) for test in tests)
                 return literals[0] if len(literals) == 1 else And(literals)
             case And(parts) | Or(parts):
@@ -187,9 +200,18 @@ class _Taking:
             case _:
                 return condition
 
-    def _test(self, values: Mapping[Variable, Function], comparison: Comparison, where: Source) -> Literal:
-        own = {v: quantity_atom for v, quantity_atom in values.items() if v in free_variables(comparison)}
-        free = [*free_variables(comparison), *(v for q in own.values() for v in free_variables(Literal(q)))]
+    def _test(
+        self, values: Mapping[Variable, Function], comparison: Comparison, where: Source
+    ) -> Literal:
+        own = {
+            v: quantity_atom
+            for v, quantity_atom in values.items()
+            if v in free_variables(comparison)
+        }
+        free = [
+            *free_variables(comparison),
+            *(v for q in own.values() for v in free_variables(Literal(q))),
+        ]
         outer = tuple(v for v in dict.fromkeys(free) if v not in own)
         head = Function(f"{COMPARISON_PREFIX}{len(self.found.tests)}", outer)
         self.found.tests.append(QuantityTest(head, own, comparison, where))
@@ -235,7 +257,9 @@ class TaskQuantities:
             return operator
         if operator.instance not in self._changes:
             schema = next(
-                candidate for candidate in self.domain.operators if candidate.name == operator.instance.name
+                candidate
+                for candidate in self.domain.operators
+                if candidate.name == operator.instance.name
             )
             bindings = dict(zip(schema.variables, operator.instance.arguments, strict=True))
             self._changes[operator.instance] = tuple(
@@ -251,7 +275,10 @@ class TaskQuantities:
         evaluated = evaluate_atom(quantity) or quantity
         if evaluated not in self.taken.initial:
             message = f"nothing says what {evaluated} is at the start"
-            hint = f"add {Function(evaluated.name, (*evaluated.arguments, Number(0)))}, or its true value, under `initial:`"
+            hint = (
+                f"add {Function(evaluated.name, (*evaluated.arguments, Number(0)))}, or its "
+                "true value, under `initial:`"
+            )
             raise InvalidInput([Diagnostic(self.taken.problem.where, "K115", message, hint)])
         if evaluated not in self.levels:
             bounds = self.domain.quantities[evaluated.name]
@@ -280,7 +307,9 @@ class TaskQuantities:
                     raise InvalidInput([Diagnostic(where, "K103", message, hint)])
 
         factors, constant = read(substitute_term(term, bindings))
-        return Linear(tuple((level, factor) for level, factor in factors.items() if factor), constant)
+        return Linear(
+            tuple((level, factor) for level, factor in factors.items() if factor), constant
+        )
 
 
 Sum = tuple[dict[QuantityLevel, int], int]
@@ -329,5 +358,7 @@ def with_tests(
 
 def _complement_pairs(numbering: Numbering) -> dict[int, int]:
     return {
-        numbering.number(~signed): number for signed, number in list(numbering.added.items()) if signed < 0
+        numbering.number(~signed): number
+        for signed, number in list(numbering.added.items())
+        if signed < 0
     }

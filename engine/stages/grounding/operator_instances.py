@@ -8,9 +8,18 @@ from cellwright.engine.kernels.bits import Bits, bitset
 from cellwright.engine.model.ground_task import ConditionalEffect, GroundOperator
 from cellwright.engine.stages.grounding.atom_deduction import Deduction
 from cellwright.engine.stages.grounding.derived_atoms import Support, Supports
-from cellwright.engine.stages.grounding.grounding_program import Schema, is_conditional, signed_numbers
+from cellwright.engine.stages.grounding.grounding_program import (
+    Schema,
+    is_conditional,
+    signed_numbers,
+)
 from cellwright.engine.stages.grounding.numbered_atoms import Numbering, Universe
-from cellwright.engine.stages.grounding.workflow_stages import Advance, EventBatches, StageTurns, Workflow
+from cellwright.engine.stages.grounding.workflow_stages import (
+    Advance,
+    EventBatches,
+    StageTurns,
+    Workflow,
+)
 from cellwright.kb.asp.integer_tables import IntegerTable
 from cellwright.kb.model.domain_model import Operator
 from cellwright.kb.model.operator_amounts import Amounts, NoAmount, operator_traits
@@ -19,7 +28,9 @@ from cellwright.kb.terms import Atom, Function, Term, substitute_atom, term_vari
 
 @dataclass(frozen=True, slots=True)
 class InvalidAmount:
-    """An instance of an operator whose duration or cost is no amount: `code`, what is wrong, and what to try."""
+    """An instance of an operator whose duration or cost is no amount: `code`, what is wrong,
+    and what to try.
+    """
 
     operator: Operator
     code: str
@@ -52,7 +63,9 @@ class InstanceTraits:
         self.known: dict[tuple[int, ...], Traits | None] = {}
 
     def of(self, row: list[int], instance: Function) -> Traits | None:
-        """The traits of the instance in `row`; None if a resource has no value, so that there is no such instance."""
+        """The traits of the instance in `row`; None if a resource has no value, so that there
+        is no such instance.
+        """
         key = tuple([row[place] for place in self.places])
         if key not in self.known:
             self.known[key] = self._evaluated(instance)
@@ -105,8 +118,8 @@ class DoubtfulDenial:
 class InstanceRows:
     """The reachable instances of a schema, one per row.
 
-    The columns are: arguments, one number per dynamic literal, added atoms, deleted atoms. The number -1
-    stands for an unreachable atom; it occurs only where the atom is negated or deleted.
+    The columns are: arguments, one number per dynamic literal, added atoms, deleted atoms. The
+    number -1 stands for an unreachable atom; it occurs only where the atom is negated or deleted.
     """
 
     schema: Schema
@@ -128,7 +141,8 @@ class InstanceRows:
 class InstanceChanges:
     """What an instance adds and deletes, with everything that follows from it.
 
-    `doubtful` are the denied atoms that have consequences and that the preconditions do not contain.
+    `doubtful` are the denied atoms that have consequences and that the preconditions do not
+    contain.
     """
 
     adds: Bits
@@ -140,8 +154,8 @@ class InstanceChanges:
 class Instances:
     """Everything that is needed to turn rows into operators.
 
-    `contradictions`, `doubts` and `amiss` collect what was found wrong on the way; `contradictions` has the operator's
-    name as key, `amiss` also what is wrong.
+    `contradictions`, `doubts` and `amiss` collect what was found wrong on the way; `contradictions`
+    has the operator's name as key, `amiss` also what is wrong.
     """
 
     universe: Universe
@@ -163,22 +177,27 @@ class Instances:
         self.deduces = self.deduction.has_rules()
 
     def operators(self, schemas: Iterable[InstanceRows]) -> Iterator[GroundOperator]:
-        """The ground operators of all rows: one for each support and choice of stages, each once."""
+        """The ground operators of all rows: one for each support and choice of stages, each
+        once.
+        """
         for _, group in itertools.groupby(schemas, key=lambda rows: rows.schema.operator.name):
             parts = list(group)
             if len(parts) == 1 and self._is_plain(parts[0].schema):
                 yield from self._plain(parts[0])
             else:
-                yield from dict.fromkeys(operator for rows in parts for operator in self._various(rows))
+                yield from dict.fromkeys(
+                    operator for rows in parts for operator in self._various(rows)
+                )
 
     def _is_plain(self, schema: Schema) -> bool:
         """Whether each row is exactly one operator.
 
-        This is so if all conditions are positive and on fluents, no effect is conditional and no stage can be
-        chosen.
+        This is so if all conditions are positive and on fluents, no effect is conditional and no
+        stage can be chosen.
         """
         fluents = all(
-            literal.positive and not self.universe.is_derived(literal.atom) for literal in schema.literals
+            literal.positive and not self.universe.is_derived(literal.atom)
+            for literal in schema.literals
         )
         effects = schema.operator.effects
         staged = any(effect.atom.name in self.workflow.events for effect in effects)
@@ -224,8 +243,12 @@ class Instances:
                         instance, needs | advance.conditions, adds, deletes, effects, *shared
                     )
 
-    def _in_turn(self, support: Support, base: Bits, added: Bits, advance: Advance) -> Iterator[Bits]:
-        """The preconditions under which an instance may add some atoms: none of them before its turn."""
+    def _in_turn(
+        self, support: Support, base: Bits, added: Bits, advance: Advance
+    ) -> Iterator[Bits]:
+        """The preconditions under which an instance may add some atoms: none of them before its
+        turn.
+        """
         if not added & self.turns.held:
             yield base
             return
@@ -250,21 +273,32 @@ class Instances:
 
     def contradicts(self, operator: Operator, instance: Function, atoms: Bits, adds: Bits) -> None:
         """Notes a contradiction, unless the operator has one already."""
-        self.contradictions.setdefault(operator.name, ContradictingInstance(operator, instance, atoms, adds))
+        self.contradictions.setdefault(
+            operator.name, ContradictingInstance(operator, instance, atoms, adds)
+        )
 
     def _conditional(
-        self, operator: Operator, instance: Function, arguments: tuple[int, ...], required: Sequence[int]
+        self,
+        operator: Operator,
+        instance: Function,
+        arguments: tuple[int, ...],
+        required: Sequence[int],
     ) -> Iterator[ConditionalEffect]:
         if not any(map(is_conditional, operator.effects)):
             return
         for conditions, adds, deletes in self.effects.get((operator.name, arguments), ()):
             for support in self.supports.combinations(conditions):
-                before = self.numbering.bits(atom for atom in (*support, *required) if self._is_fluent(atom))
+                before = self.numbering.bits(
+                    atom for atom in (*support, *required) if self._is_fluent(atom)
+                )
                 added, denied = self.deduction.close(adds, before)
                 if added & denied:
                     self.contradicts(operator, instance, added & denied, adds)
-                self.numbering.bits([~atom for atom in support])  # makes complements, for regression
-                yield ConditionalEffect(self.numbering.bits(support), added, (denied | deletes) & ~added)
+                # makes complements, for regression
+                self.numbering.bits([~atom for atom in support])
+                yield ConditionalEffect(
+                    self.numbering.bits(support), added, (denied | deletes) & ~added
+                )
 
         for conditions, advance in self.batches.advances(operator.name, arguments):
             for support in self.supports.combinations(conditions):

@@ -1,8 +1,9 @@
 """Pruning: drops irrelevant objects and operators, and proves that plans stay as short as before.
 
-What is relevant is found backwards over operators with variables. Objects that are alike there, and that play no part, are
-left out except for a few. Then the rest is grounded, and what contributes to no goal is left out, too. Whether the small task
-is as good as the whole one is proved on it; where it is not, the caller grounds the whole.
+What is relevant is found backwards over operators with variables. Objects that are alike there, and
+that play no part, are left out except for a few. Then the rest is grounded, and what contributes to
+no goal is left out, too. Whether the small task is as good as the whole one is proved on it; where
+it is not, the caller grounds the whole.
 """
 
 from collections import Counter, defaultdict
@@ -19,7 +20,12 @@ from cellwright.kb.asp.excerpt import excerpt_problem
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.asp.static_program import VIOLATED
 from cellwright.kb.model.domain_model import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
-from cellwright.kb.model.object_likeness import alike_objects, constant_names, free_objects, most_at_once
+from cellwright.kb.model.object_likeness import (
+    alike_objects,
+    constant_names,
+    free_objects,
+    most_at_once,
+)
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Term, exchange_subterms
 
@@ -29,7 +35,9 @@ Spares = tuple[tuple[str, ...], ...]  # of each class of objects that are alike 
 
 @dataclass(frozen=True, slots=True)
 class ThinnedProblem:
-    """A problem without some objects that are alike; `spares` are those of each class that are still there."""
+    """A problem without some objects that are alike; `spares` are those of each class that are
+    still there.
+    """
 
     problem: Problem
     left_out: frozenset[str] = frozenset()
@@ -41,15 +49,17 @@ def drop_irrelevant_objects(
 ) -> ThinnedProblem:
     """The problem without objects that play no part, from its initial state.
 
-    It is the same problem if there are no such objects, or if grounding has to report something. `statics` gives the
-    evaluated static facts, and `few` the excerpt of the problem, if they are known already.
+    It is the same problem if there are no such objects, or if grounding has to report something.
+    `statics` gives the evaluated static facts, and `few` the excerpt of the problem, if they are
+    known already.
     """
     few = few or excerpt_problem(problem)
     thinned_problem = _drop_unneeded(few, statics if few is problem else None)
     if thinned_problem is None:
         return ThinnedProblem(problem)
     return replace(
-        thinned_problem, left_out=thinned_problem.left_out | (problem.objects.keys() - few.objects.keys())
+        thinned_problem,
+        left_out=thinned_problem.left_out | (problem.objects.keys() - few.objects.keys()),
     )
 
 
@@ -61,18 +71,25 @@ def _drop_unneeded(problem: Problem, statics: Named | None) -> ThinnedProblem | 
     if state is None or any(True for _ in named(VIOLATED, 1)):
         return None
     needed = find_relevance(problem)
-    facts = [fact for name, arity in sorted(needed.static_predicates) for fact in named(name, arity)]
+    facts = [
+        fact for name, arity in sorted(needed.static_predicates) for fact in named(name, arity)
+    ]
     read = (fact for fact in facts if needed.reads(fact))
     classes = alike_objects(free, (*read, *(atom for atom in state if needed.concerns(atom))))
     spares = tuple(alike[: most[free[alike[0]]]] for alike in classes)
-    gone = frozenset(name for own, spare in zip(classes, spares, strict=True) for name in own[len(spare) :])
+    gone = frozenset(
+        name for own, spare in zip(classes, spares, strict=True) for name in own[len(spare) :]
+    )
     return (
-        ThinnedProblem(_without_objects(problem, gone, facts, state, named), gone, spares) if gone else None
+        ThinnedProblem(_without_objects(problem, gone, facts, state, named), gone, spares)
+        if gone
+        else None
     )
 
 
 def _plentiful_objects(problem: Problem) -> tuple[dict[str, str], dict[str, int]]:
-    """The free objects, with their types, of which there are more than can matter at once; and how many that are, by type.
+    """The free objects, with their types, of which there are more than can matter at once; and how
+    many that are, by type.
 
     Objects of the other types all stay, so what a fact says about one of them ties nothing.
     """
@@ -82,8 +99,12 @@ def _plentiful_objects(problem: Problem) -> tuple[dict[str, str], dict[str, int]
     return {name: type_ for name, type_ in free.items() if counts[type_] > most[type_]}, most
 
 
-def _initial_facts(problem: Problem, statics: Named | None) -> tuple[Named, tuple[Atom, ...] | None]:
-    """The static facts, unless they are known, and the initial state; None for facts that contradict each other."""
+def _initial_facts(
+    problem: Problem, statics: Named | None
+) -> tuple[Named, tuple[Atom, ...] | None]:
+    """The static facts, unless they are known, and the initial state; None for facts that
+    contradict each other.
+    """
     state, contradicted = initial_state(problem, ChangingPredicates(problem.domain))
 
     def named(name: str, arity: int) -> Iterable[Atom]:
@@ -93,7 +114,11 @@ def _initial_facts(problem: Problem, statics: Named | None) -> tuple[Named, tupl
 
 
 def _without_objects(
-    problem: Problem, gone: frozenset[str], facts: Iterable[Atom], state: Iterable[Atom], named: Named
+    problem: Problem,
+    gone: frozenset[str],
+    facts: Iterable[Atom],
+    state: Iterable[Atom],
+    named: Named,
 ) -> Problem:
     """The problem without some objects, with all its static facts evaluated."""
     domain = problem.domain
@@ -125,7 +150,9 @@ class _StayingObjects:
 def _numbered_terms(domain: Domain, named: Named) -> Iterable[Atom]:
     """Which terms with numbers in them have which type: facts and rules of the problem say so."""
     if any(
-        argument in NUMERIC_TYPES for function in domain.functions.values() for argument in function.arguments
+        argument in NUMERIC_TYPES
+        for function in domain.functions.values()
+        for argument in function.arguments
     ):
         for type_ in domain.types:
             if type_ not in BUILT_IN_TYPES:
@@ -144,7 +171,9 @@ def drop_irrelevant_operators(task: GroundTask) -> GroundTask:
         wanted_atoms |= task.axioms.read
 
     def achieves(operator: GroundOperator) -> Bits:
-        return _achieved_atoms(operator) | (task.axioms.helps(operator.changes) if task.axioms else 0)
+        return _achieved_atoms(operator) | (
+            task.axioms.helps(operator.changes) if task.axioms else 0
+        )
 
     grown = True
     while grown:
@@ -156,7 +185,9 @@ def drop_irrelevant_operators(task: GroundTask) -> GroundTask:
             else:
                 rest.append(operator)
         waiting = rest
-    useful_operators = tuple(operator for operator in task.operators if achieves(operator) & wanted_atoms)
+    useful_operators = tuple(
+        operator for operator in task.operators if achieves(operator) & wanted_atoms
+    )
     return replace(task, operators=useful_operators)
 
 
@@ -175,7 +206,9 @@ def _needed_atoms(operator: GroundOperator) -> Bits:
 
 
 def preserves_optimality(task: GroundTask, spares: Sequence[tuple[str, ...]]) -> bool:
-    """Whether the shortest plans of a thinned task are as short as those of the whole one, and exist where they exist."""
+    """Whether the shortest plans of a thinned task are as short as those of the whole one, and
+    exist where they exist.
+    """
     if task.axioms is not None or any(operator.conditional for operator in task.operators):
         return False
     return all(_MergedSpares(task, own).fits() for own in spares if len(own) > 1)
@@ -260,7 +293,9 @@ class _MergedSpares:
         return bitset([self.image[n] for n in indices(atoms) if n in self.image])
 
     def _readable(self, operator: GroundOperator) -> bool:
-        """Whether a step, read so, is a step that serves as well; or changes nothing that matters."""
+        """Whether a step, read so, is a step that serves as well; or changes nothing that
+        matters.
+        """
         adds = self._read(operator.adds & self.relevant)
         needs = self._read(operator.preconditions)
         if adds & ~needs == 0:

@@ -22,7 +22,10 @@ from cellwright.engine.stages.grounding.grounding_program import (
     signed_numbers,
 )
 from cellwright.engine.stages.grounding.numbered_atoms import Universe
-from cellwright.engine.stages.grounding.numeric_quantities import COMPARISON_PREFIX, SeparatedQuantities
+from cellwright.engine.stages.grounding.numeric_quantities import (
+    COMPARISON_PREFIX,
+    SeparatedQuantities,
+)
 from cellwright.engine.stages.grounding.operator_instances import InstanceRows
 from cellwright.kb.asp.static_program import static_program
 from cellwright.kb.model.conditions import Body, Literal
@@ -32,7 +35,8 @@ from cellwright.kb.terms import Atom, Function, Variable, substitute_atom, term_
 
 @dataclass(frozen=True)
 class ReachabilityProgram:
-    """What can be reached in a problem without quantities (`taken`): by operators, under conditions, by derived rules.
+    """What can be reached in a problem without quantities (`taken`): by operators, under
+    conditions, by derived rules.
 
     `goals` are the alternatives of each conjunct of the goal.
     """
@@ -56,11 +60,17 @@ class ReachabilityProgram:
             yield from self._conditional_rules(schema)
             yield from self._comparison_rules(schema)
         yield from (derived_rule(rule, self.vocabulary) for rule in self.rules)
-        named = {p.atom for part in self.goals for body in part for p in body if isinstance(p, Literal)}
+        named = {
+            p.atom for part in self.goals for body in part for p in body if isinstance(p, Literal)
+        }
         yield from (
-            f"{reachable_literal(a)}." for a in sorted(named, key=str) if a.name.startswith(COMPARISON_PREFIX)
+            f"{reachable_literal(a)}."
+            for a in sorted(named, key=str)
+            if a.name.startswith(COMPARISON_PREFIX)
         )
-        yield from (r for operator in problem.domain.deductive_operators for r in deduction_rules(operator))
+        yield from (
+            r for operator in problem.domain.deductive_operators for r in deduction_rules(operator)
+        )
 
     def _stages(self) -> Iterator[str]:
         """The events that stages of workflows name."""
@@ -73,14 +83,21 @@ class ReachabilityProgram:
         for conditional in self.conditionals:
             if conditional.operator is schema.operator and conditional.effect.adds:
                 yield rule_text(
-                    reachable_literal(conditional.effect.atom), conditional_body(conditional, schema)
+                    reachable_literal(conditional.effect.atom),
+                    conditional_body(conditional, schema),
                 )
 
     def _comparison_rules(self, schema: Schema) -> Iterator[str]:
-        """Rules for the comparisons of quantities in a schema, which are taken to be reachable wherever the rest is."""
+        """Rules for the comparisons of quantities in a schema, which are taken to be reachable
+        wherever the rest is.
+        """
         compared = [literal.atom for literal in self.taken.literals_of(schema.literals)]
         rest = tuple(literal for literal in schema.literals if literal.atom not in compared)
-        body = instance_rule(replace(schema, literals=rest), self.vocabulary).partition(" :- ")[2].rstrip(".")
+        body = (
+            instance_rule(replace(schema, literals=rest), self.vocabulary)
+            .partition(" :- ")[2]
+            .rstrip(".")
+        )
         for atom in compared:
             yield rule_text(reachable_literal(atom), [body] if body else [])
         for conditional in self.conditionals:
@@ -105,7 +122,9 @@ def read_instances(
     schemas: Sequence[Schema], vocabulary: ChangingPredicates, universe: Universe
 ) -> Iterator[InstanceRows]:
     """Every reachable instance of every schema."""
-    tables = universe.tables({f"_row_{schema.number}": _row_rule(schema, vocabulary) for schema in schemas})
+    tables = universe.tables(
+        {f"_row_{schema.number}": _row_rule(schema, vocabulary) for schema in schemas}
+    )
     for schema in schemas:
         adds, _ = _plain_changes(schema, vocabulary)
         yield InstanceRows(schema, tables.pop(f"_row_{schema.number}"), len(adds))
@@ -114,7 +133,9 @@ def read_instances(
 def conditional_changes(
     conditionals: Sequence[Conditional], schemas: Sequence[Schema], universe: Universe
 ) -> Mapping[tuple[str, Signed], list[ConditionalChange]]:
-    """For each operator and its arguments what it adds and deletes under which further conditions."""
+    """For each operator and its arguments what it adds and deletes under which further
+    conditions.
+    """
     pairs = [
         (conditional, schema)
         for conditional in conditionals
@@ -137,7 +158,9 @@ def conditional_changes(
 def read_happenings(
     conditionals: Sequence[Conditional], schemas: Sequence[Schema], universe: Universe
 ) -> Mapping[tuple[str, Signed], list[tuple[Signed, Atom]]]:
-    """For each operator and its arguments the events that happen under further conditions, with these."""
+    """For each operator and its arguments the events that happen under further conditions, with
+    these.
+    """
     pairs = [
         (conditional, schema)
         for conditional in conditionals
@@ -192,12 +215,19 @@ def read_matches(
         texts[name] = (rule_text(str(atom), [*body, *map(str, static)]), len(names) + 1)
         parts[name] = literals
     tables = universe.tables(texts)
-    return {name: [signed_numbers(parts[name], row[:-1]) for row in table] for name, table in tables.items()}
+    return {
+        name: [signed_numbers(parts[name], row[:-1]) for row in table]
+        for name, table in tables.items()
+    }
 
 
-def _plain_changes(schema: Schema, vocabulary: ChangingPredicates) -> tuple[list[Effect], list[Effect]]:
+def _plain_changes(
+    schema: Schema, vocabulary: ChangingPredicates
+) -> tuple[list[Effect], list[Effect]]:
     plain = [
-        e for e in schema.operator.effects if not is_conditional(e) and e.atom.name in vocabulary.fluents
+        e
+        for e in schema.operator.effects
+        if not is_conditional(e) and e.atom.name in vocabulary.fluents
     ]
     return [e for e in plain if e.adds], [e for e in plain if not e.adds]
 
@@ -212,7 +242,9 @@ def _row_rule(schema: Schema, vocabulary: ChangingPredicates) -> tuple[str, int]
     parts, names = number_literals(schema.literals, "P")
     added, add_names = number_literals([Literal(e.atom) for e in adds], "E")
     needed = {
-        literal.atom: name for literal, name in zip(schema.literals, names, strict=True) if literal.positive
+        literal.atom: name
+        for literal, name in zip(schema.literals, names, strict=True)
+        if literal.positive
     }
     unknown = [Literal(e.atom, False) for e in deletes if e.atom not in needed]
     removed, delete_names = number_literals(unknown, "D")
@@ -227,7 +259,9 @@ def _variables_of(conditional: Conditional) -> list[Variable]:
 
 
 def happening_terms(conditional: Conditional, schema: Schema) -> Iterator[str]:
-    """Rules that collect the terms in the events of a conditional effect, for `Universe.name_terms`."""
+    """Rules that collect the terms in the events of a conditional effect, for
+    `Universe.name_terms`.
+    """
     for variable in _variables_of(conditional):
         yield rule_text(f"_arg({variable})", conditional_body(conditional, schema))
 

@@ -1,8 +1,9 @@
 """Workflow chains in a ground task: counters of stages, event batches, and stages in their turn.
 
-An event happens only as the next stage of some chain. A fluent stage is reached where the fluent holds: an internal
-operator without cost moves the counter then. To reach it as soon as possible is never worse, and plans do
-(`cellwright.engine.model.workflow_replay`), so that it is no choice of the operators that add the fluent.
+An event happens only as the next stage of some chain. A fluent stage is reached where the fluent
+holds: an internal operator without cost moves the counter then. To reach it as soon as possible is
+never worse, and plans do (`cellwright.engine.model.workflow_replay`), so that it is no choice of
+the operators that add the fluent.
 """
 
 import itertools
@@ -38,7 +39,9 @@ def matching_atoms(stage: Atom, universe: Universe) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """The conditions and effects that an operator gets in addition when it reaches certain stages."""
+    """The conditions and effects that an operator gets in addition when it reaches certain
+    stages.
+    """
 
     conditions: Bits = 0
     adds: Bits = 0
@@ -52,7 +55,9 @@ class Advance:
 
 @dataclass(frozen=True, slots=True)
 class NumberedChain:
-    """A chain, the bit of each count of its stages, and the last bits of the chains that it waits for."""
+    """A chain, the bit of each count of its stages, and the last bits of the chains that it
+    waits for.
+    """
 
     chain: Chain
     counters: tuple[Bits, ...]
@@ -106,7 +111,9 @@ class Workflow:
                 self.goal |= bitset(matching_atoms(last, universe))
 
     def counted(self, universe: Universe) -> Iterator[tuple[str, CountedChain]]:
-        """Each chain that waits for no other one, with what has to hold at the end if it is cut after so many stages."""
+        """Each chain that waits for no other one, with what has to hold at the end if it is cut
+        after so many stages.
+        """
         for course in self.courses:
             chain, ends = course.chain, [0]
             for number in range(1, len(chain.stages) + 1):
@@ -120,15 +127,23 @@ class Workflow:
                 ends.append(bitset(atoms))
             yield chain.name, CountedChain(course.counters, self.begun[chain.name], tuple(ends))
 
-    def _reach(self, advance: Advance, chain: Chain, count: int, choices: Iterable[tuple[int, ...]]) -> None:
-        """The internal operators that move a chain to a count while all atoms of some choice hold."""
+    def _reach(
+        self, advance: Advance, chain: Chain, count: int, choices: Iterable[tuple[int, ...]]
+    ) -> None:
+        """The internal operators that move a chain to a count while all atoms of some choice
+        hold.
+        """
         name = stage_operator(chain, count)
         for atoms in choices:
             needed = advance.conditions | bitset(atoms)
-            self.reaching.append(GroundOperator(name, needed, advance.adds, advance.deletes, cost=0))
+            self.reaching.append(
+                GroundOperator(name, needed, advance.adds, advance.deletes, cost=0)
+            )
 
     def advances(self, events: Sequence[Atom]) -> Iterator[Advance]:
-        """The ways in which an operator with these events can move the counters; none if an event has no stage."""
+        """The ways in which an operator with these events can move the counters; none if an
+        event has no stage.
+        """
         choices = [self._event_stages.get(event, []) for event in events]
         for combination in itertools.product(*choices):
             total = Advance()
@@ -154,7 +169,10 @@ ConditionalChange = tuple[
 
 @dataclass
 class StageTurns:
-    """Which atoms wait for their turn. `rules` gets the derived atoms for those that operators add under conditions."""
+    """Which atoms wait for their turn.
+
+    `rules` gets the derived atoms for those that operators add under conditions.
+    """
 
     domain: Domain
     workflow: Workflow
@@ -186,7 +204,9 @@ class StageTurns:
 
     def _atoms_of(self, stage: Atom) -> list[int]:
         return list(
-            dict.fromkeys(n for part in stage_parts(stage) for n in matching_atoms(part, self.universe))
+            dict.fromkeys(
+                n for part in stage_parts(stage) for n in matching_atoms(part, self.universe)
+            )
         )
 
     def concerns(self, operator: Operator) -> bool:
@@ -199,18 +219,25 @@ class StageTurns:
             for c in deductive_operator.consequences
             if c.implied
         }
-        return bool(self.names & (implied | {effect.atom.name for effect in operator.effects if effect.adds}))
+        return bool(
+            self.names
+            & (implied | {effect.atom.name for effect in operator.effects if effect.adds})
+        )
 
     def conditions(self, operator: str, arguments: SignedCondition) -> list[int]:
         """What an instance needs in addition because of what it adds under conditions."""
         if not self.held:
             return []
-        return list(dict.fromkeys(self._allowed[pair] for pair in self._conditional(operator, arguments)))
+        return list(
+            dict.fromkeys(self._allowed[pair] for pair in self._conditional(operator, arguments))
+        )
 
     def _conditional(
         self, operator: str, arguments: SignedCondition
     ) -> Iterator[tuple[int, SignedCondition]]:
-        """The atoms that wait for their turn and that an instance adds under conditions, with these."""
+        """The atoms that wait for their turn and that an instance adds under conditions, with
+        these.
+        """
         for conditions, adds, _ in self.changes.get((operator, arguments), ()):
             before = bitset(
                 condition for condition in conditions if 0 <= condition < len(self.universe.atoms)
@@ -229,9 +256,13 @@ class StageTurns:
         ]
 
     def ways(self, adds: Bits, advance: Advance) -> list[SignedCondition]:
-        """The conditions, as signed atoms, of which one must hold so that an operator may add some atoms."""
+        """The conditions, as signed atoms, of which one must hold so that an operator may add
+        some atoms.
+        """
         choices = [self._ways(atom, adds, advance) for atom in indices(adds & self.held)]
-        return [tuple(dict.fromkeys(itertools.chain(*choice))) for choice in itertools.product(*choices)]
+        return [
+            tuple(dict.fromkeys(itertools.chain(*choice))) for choice in itertools.product(*choices)
+        ]
 
     def _ways(self, atom: int, adds: Bits, advance: Advance) -> list[SignedCondition]:
         """Those for one atom: it serves a stage that a chain waits for, or completes none."""
@@ -242,13 +273,17 @@ class StageTurns:
         ]
         apart = itertools.product(*(self._apart(stage, atom) for stage in self._late[atom]))
         return list(
-            dict.fromkeys([*serving_ways, *(tuple(itertools.chain(*combination)) for combination in apart)])
+            dict.fromkeys(
+                [*serving_ways, *(tuple(itertools.chain(*combination)) for combination in apart)]
+            )
         )
 
     def _in_turn(
         self, course: NumberedChain, stage: int, adds: Bits, advance: Advance
     ) -> Iterator[SignedCondition]:
-        """When a chain waits for a stage as a step ends, which may reach the stages before this one as well."""
+        """When a chain waits for a stage as a step ends, which may reach the stages before this
+        one as well.
+        """
         own = self._come_to(course, stage, adds, advance)
         if stage or not course.waits:
             yield from own
@@ -258,7 +293,9 @@ class StageTurns:
             self._come_to(awaited_course, len(awaited_course.chain.stages), adds, advance)
             for awaited_course in awaited
         )
-        yield from (tuple(itertools.chain(*combination)) for combination in itertools.product(own, *ends))
+        yield from (
+            tuple(itertools.chain(*combination)) for combination in itertools.product(own, *ends)
+        )
 
     def _come_to(
         self, course: NumberedChain, count: int, adds: Bits, advance: Advance
@@ -272,11 +309,15 @@ class StageTurns:
             yield from self._in_turn(course, count - 1, adds, advance)
 
     def _reaches(self, stage: Atom, adds: Bits) -> bool:
-        return all(bitset(matching_atoms(part, self.universe)) & adds for part in stage_parts(stage))
+        return all(
+            bitset(matching_atoms(part, self.universe)) & adds for part in stage_parts(stage)
+        )
 
     def _apart(self, stage: Atom, atom: int) -> Iterator[SignedCondition]:
         """The ways in which an atom does not complete a stage."""
-        own = [part for part in stage_parts(stage) if reaches_stage(self.universe.atoms[atom], part)]
+        own = [
+            part for part in stage_parts(stage) if reaches_stage(self.universe.atoms[atom], part)
+        ]
         for part in stage_parts(stage):
             if part not in own:
                 yield tuple(~part_atom for part_atom in matching_atoms(part, self.universe))
@@ -289,7 +330,10 @@ Happening = tuple[Signed, Atom]
 
 @dataclass
 class EventBatches:
-    """The events of each operator instance that happen under conditions. `rules` gets those of their derived atoms."""
+    """The events of each operator instance that happen under conditions.
+
+    `rules` gets those of their derived atoms.
+    """
 
     workflow: Workflow
     happening: Mapping[tuple[str, Signed], Sequence[Happening]]
@@ -306,11 +350,16 @@ class EventBatches:
         """What an instance needs in addition, so that no event occurs that no chain waits for."""
         conditional_events = self.happening.get((operator, arguments), ())
         return list(
-            dict.fromkeys(self._allowed[event, conditions] for conditions, event in conditional_events)
+            dict.fromkeys(
+                self._allowed[event, conditions] for conditions, event in conditional_events
+            )
         )
 
     def advances(self, operator: str, arguments: Signed) -> list[tuple[Signed, Advance]]:
-        """How an instance moves which counter under which conditions. Of several chains that wait, the first one moves."""
+        """How an instance moves which counter under which conditions.
+
+        Of several chains that wait, the first one moves.
+        """
         return [
             ((*conditions, *waiting), advance)
             for conditions, event in self.happening.get((operator, arguments), ())
@@ -318,7 +367,9 @@ class EventBatches:
         ]
 
     def _moves(self, event: Atom) -> Iterator[tuple[Signed, Advance]]:
-        """Each stage that an event is: what makes its chain the first one that waits, and how its counter moves."""
+        """Each stage that an event is: what makes its chain the first one that waits, and how
+        its counter moves.
+        """
         earlier: list[Advance] = []
         stages = self.workflow.stages_of(event)
         for group in self.workflow.groups:

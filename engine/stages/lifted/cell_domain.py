@@ -28,11 +28,26 @@ from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.asp.static_program import VIOLATED, type_guard
 from cellwright.kb.graphs import strong_components
 from cellwright.kb.loader.problem_amounts import amounts_of
-from cellwright.kb.model.conditions import Aggregate, Body, Literal, Parameter, StateAggregate, literals_in
+from cellwright.kb.model.conditions import (
+    Aggregate,
+    Body,
+    Literal,
+    Parameter,
+    StateAggregate,
+    literals_in,
+)
 from cellwright.kb.model.domain_model import Domain, Rule
 from cellwright.kb.model.operator_amounts import Amounts
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.terms import Atom, Function, Term, Variable, match_term, sort_naturally, substitute_atom
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Term,
+    Variable,
+    match_term,
+    sort_naturally,
+    substitute_atom,
+)
 
 State = frozenset[Atom]
 MAX_KEPT_STEPS = 1 << 15  # ground steps
@@ -60,7 +75,9 @@ class CellDomain:
         self.schemas = schemas if schemas is not None else OperatorSchemas(problem.domain)
         self.ground_step = lru_cache(MAX_KEPT_STEPS)(self._ground_step)
         self.fitting: dict[tuple[str, Atom], tuple[Term, ...] | None] = {}
-        """What lookup found out with the statics alone, for goals of MACROPs and goals of queries."""
+        """What lookup found out with the statics alone, for goals of MACROPs and goals of
+        queries.
+        """
         self._plain: dict[str, bool] = {}
         self._stratified: tuple[Rule, ...] | None = None
         self._strata: list[list[Rule]] = []
@@ -92,7 +109,8 @@ class CellDomain:
     @property
     def strata(self) -> list[list[Rule]]:
         """The rules of derived predicates in an order in which negation looks only backwards."""
-        if self._stratified is not self.schemas.rules:  # operators add rules when they are first met
+        # operators add rules when they are first met
+        if self._stratified is not self.schemas.rules:
             self._stratified, self._strata = self.schemas.rules, self._layers()
         return self._strata
 
@@ -147,9 +165,13 @@ class CellDomain:
         events += dict.fromkeys(
             a for batch in schema.batches for a in self._instances(batch, bindings, facts)
         )
-        return StepChange(tuple(adds), tuple(atom for atom in ends if atom not in adds), tuple(events))
+        return StepChange(
+            tuple(adds), tuple(atom for atom in ends if atom not in adds), tuple(events)
+        )
 
-    def _instances(self, guarded: GuardedAtom, bindings: Bindings, facts: FactSet) -> Iterator[Atom]:
+    def _instances(
+        self, guarded: GuardedAtom, bindings: Bindings, facts: FactSet
+    ) -> Iterator[Atom]:
         if self.domain.quantities:  # numbers in a guard have their values from the state
             for solution in solve_body(
                 (*guarded.guard, *guarded.needs), LayeredFacts(facts, self.statics), bindings
@@ -192,7 +214,10 @@ def body_holds(body: Body, world: CellDomain, state: FactSet, bindings: Bindings
 
 
 def with_derived(world: CellDomain, facts: FactSet) -> FactSet:
-    """A state with its derived atoms. The rules of each stratum are applied until nothing new follows."""
+    """A state with its derived atoms.
+
+    The rules of each stratum are applied until nothing new follows.
+    """
     for stratum in world.strata:
         while True:
             derived_atoms = [
@@ -207,11 +232,15 @@ def with_derived(world: CellDomain, facts: FactSet) -> FactSet:
     return facts
 
 
-def _body_solutions(body: Body, world: CellDomain, state: FactSet) -> Iterator[Mapping[Variable, Term]]:
+def _body_solutions(
+    body: Body, world: CellDomain, state: FactSet
+) -> Iterator[Mapping[Variable, Term]]:
     if any(isinstance(part, StateAggregate) for part in body):
         yield from solve_body(body, LayeredFacts(state, world.statics), {})
         return
-    dynamic = tuple(p for p in body if world.schemas.is_dynamic(p) and isinstance(p, Literal) and p.positive)
+    dynamic = tuple(
+        p for p in body if world.schemas.is_dynamic(p) and isinstance(p, Literal) and p.positive
+    )
     negative = tuple(p for p in body if world.schemas.is_dynamic(p) and p not in dynamic)
     static = tuple(p for p in body if not world.schemas.is_dynamic(p))
     for first in solve_body(dynamic, state, {}):
@@ -224,10 +253,17 @@ def _aggregate_rules(domain: Domain) -> Iterator[str]:
     bodies: list[tuple[Body, tuple[Parameter, ...]]] = [
         (operator.body, operator.parameters) for operator in domain.operators
     ]
-    bodies += [((*d.body, *c.body), c.parameters) for d in domain.deductive_operators for c in d.consequences]
+    bodies += [
+        ((*d.body, *c.body), c.parameters)
+        for d in domain.deductive_operators
+        for c in d.consequences
+    ]
     for body, parameters in bodies:
         if any(isinstance(part, Aggregate) for part in body):
-            yield f"{stand_in(body, parameters)} :- {', '.join([*type_guard(parameters), *map(str, body)])}."
+            yield (
+                f"{stand_in(body, parameters)} :- "
+                f"{', '.join([*type_guard(parameters), *map(str, body)])}."
+            )
 
 
 class CellDomains:

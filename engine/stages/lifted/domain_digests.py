@@ -15,16 +15,17 @@ from cellwright.kb.model.domain_model import Domain
 from cellwright.kb.model.plan_model import Macrop
 from cellwright.kb.terms import Function, Term
 
-IGNORED_FIELDS = frozenset({"where", "command", "weight"})  # source, controller command, order of search
+# source, controller command, order of search
+IGNORED_FIELDS = frozenset({"where", "command", "weight"})
 
 
 class DomainDigests:
     """The digests of one domain's parts, each computed once.
 
-    The parts have these names. `operator p` is an operator. `deduction p` is all deductive operators that p
-    triggers, so a new one changes the digest, too. `rules p` is the rules of a derived predicate. The
-    other names, `predicate p`, `function f`, `object o` and `type t`, are declarations; an object or type
-    includes every type above it.
+    The parts have these names. `operator p` is an operator. `deduction p` is all deductive
+    operators that p triggers, so a new one changes the digest, too. `rules p` is the rules of a
+    derived predicate. The other names, `predicate p`, `function f`, `object o` and `type t`, are
+    declarations; an object or type includes every type above it.
     """
 
     def __init__(self, domain: Domain) -> None:
@@ -57,7 +58,10 @@ class DomainDigests:
             case "function":
                 return [domain.functions[name]] if name in domain.functions else []
             case "object":
-                return [domain.objects.get(name, ""), *_type_lineage(domain.objects.get(name, ""), domain)]
+                return [
+                    domain.objects.get(name, ""),
+                    *_type_lineage(domain.objects.get(name, ""), domain),
+                ]
             case _:
                 return _type_lineage(name, domain)
 
@@ -94,9 +98,14 @@ def canonical_text(value: Any) -> str:
 
 
 def proof_dependencies(
-    macrop: Macrop, schemas: Iterable[OperatorSchema], digests: DomainDigests, derived: Iterable[str]
+    macrop: Macrop,
+    schemas: Iterable[OperatorSchema],
+    digests: DomainDigests,
+    derived: Iterable[str],
 ) -> dict[str, str]:
-    """The parts that a proof with these operators and derived predicates depends on, with their digests."""
+    """The parts that a proof with these operators and derived predicates depends on, with their
+    digests.
+    """
     parts = {*_proof_parts(schemas, digests.domain), *_declared_types(macrop, digests.domain)}
     parts |= {f"{kind} {name}" for name in derived for kind in ("rules", "predicate")}
     return {part: digests.of(part) for part in sorted(parts)}
@@ -117,7 +126,9 @@ def _proof_parts(schemas: Iterable[OperatorSchema], domain: Domain) -> Iterator[
 
 
 def _declared_types(macrop: Macrop, domain: Domain) -> Iterator[str]:
-    """The types that the MACROP tests, and its functions and constants, whose types need no test."""
+    """The types that the MACROP tests, and its functions and constants, whose types need no
+    test.
+    """
     yield from (f"type {type_test.type}" for type_test in macrop.types)
     for name in _macro_names(macrop):
         if name in domain.functions:
@@ -135,7 +146,9 @@ def _declared_types(macrop: Macrop, domain: Domain) -> Iterator[str]:
 def _macro_names(macrop: Macrop) -> set[str]:
     atoms = [literal.atom for literal in (*macrop.goals, *macrop.preconditions)]
     atoms += [step.operator for step in macrop.steps]
-    return {name for atom in atoms for argument in atom.arguments for name in _names_inside(argument)}
+    return {
+        name for atom in atoms for argument in atom.arguments for name in _names_inside(argument)
+    }
 
 
 def _names_inside(term: Term) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """Sets of ground atoms with indexes, and the solving of bodies over them by join.
 
-The new set shares all predicates that the change does not touch, so a step costs only what it touches.
+The new set shares all predicates that the change does not touch, so a step costs only what it
+touches.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -49,10 +50,14 @@ class PredicateExtent:
     __slots__ = ("_indexes", "atoms")
 
     def __init__(
-        self, atoms: dict[Atom, None], indexes: dict[int, dict[Term, tuple[Atom, ...]]] | None = None
+        self,
+        atoms: dict[Atom, None],
+        indexes: dict[int, dict[Term, tuple[Atom, ...]]] | None = None,
     ) -> None:
         self.atoms = atoms
-        self._indexes: dict[int, dict[Term, tuple[Atom, ...]]] = indexes if indexes is not None else {}
+        self._indexes: dict[int, dict[Term, tuple[Atom, ...]]] = (
+            indexes if indexes is not None else {}
+        )
 
     def after(self, ends: Iterable[Atom], adds: Iterable[Atom]) -> "PredicateExtent":
         """The atoms without `ends` and with `adds`."""
@@ -79,7 +84,9 @@ class PredicateExtent:
             gathered: dict[Term, list[Atom]] = {}
             for atom in self.atoms:
                 gathered.setdefault(atom.arguments[position], []).append(atom)
-            index = self._indexes[position] = {key: tuple(own_atoms) for key, own_atoms in gathered.items()}
+            index = self._indexes[position] = {
+                key: tuple(own_atoms) for key, own_atoms in gathered.items()
+            }
         return index.get(value, ())
 
 
@@ -87,7 +94,10 @@ NO_EXTENT = PredicateExtent({})
 
 
 class FactSet:
-    """Ground atoms, grouped by predicate, otherwise in the given order. Iteration yields all of them."""
+    """Ground atoms, grouped by predicate, otherwise in the given order.
+
+    Iteration yields all of them.
+    """
 
     __slots__ = ("_extents",)
 
@@ -130,7 +140,9 @@ class FactSet:
         return self._extent(name).atoms
 
     def matching(self, pattern: Atom) -> Collection[Atom]:
-        """A superset of the atoms that match a pattern: those that share one of its ground arguments."""
+        """A superset of the atoms that match a pattern: those that share one of its ground
+        arguments.
+        """
         extent = self._extent(pattern.name)
         if len(extent.atoms) <= SMALL_EXTENT:
             return extent.atoms
@@ -176,11 +188,16 @@ class LayeredFacts(FactSet):
 
 
 class GivenFacts(FactSet):
-    """Facts that someone else has evaluated. Each predicate is read when it is first asked for; nothing is changed."""
+    """Facts that someone else has evaluated.
+
+    Each predicate is read when it is first asked for; nothing is changed.
+    """
 
     __slots__ = ("_asked", "_holds", "_read", "_told")
 
-    def __init__(self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]) -> None:
+    def __init__(
+        self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]
+    ) -> None:
         """Facts that `read` gives for a predicate, and that `holds` tells one by one."""
         super().__init__()
         self._read, self._holds = read, holds
@@ -188,7 +205,10 @@ class GivenFacts(FactSet):
         self._told: dict[Atom, bool] = {}
 
     def __contains__(self, atom: Atom) -> bool:
-        """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
+        """Whether an atom is among the facts.
+
+        The first questions do not read its predicate, which may be large.
+        """
         extent = self._extents.get(atom.name)
         if extent is not None:
             return atom in extent.atoms
@@ -242,7 +262,11 @@ def _part_truth(part: BodyPart, facts: FactSet) -> bool | None:
         case Literal(atom, positive):
             return (atom in facts) == positive if is_ground(atom) else None
         case Comparison(left, relation, right):
-            return compare_terms(left, relation, right) if is_ground(left) and is_ground(right) else None
+            return (
+                compare_terms(left, relation, right)
+                if is_ground(left) and is_ground(right)
+                else None
+            )
         case StateAggregate():
             return None if part.outer else next(_aggregate_bindings(part, facts), None) is not None
         case Aggregate():
@@ -298,7 +322,9 @@ def _part_bindings(part: BodyPart, facts: FactSet) -> Iterator[Bindings]:
 
 
 def _aggregate_bindings(part: StateAggregate, facts: FactSet) -> Iterator[Bindings]:
-    """The value of the variable that takes that of an aggregate, or nothing to bind, if the aggregate is true."""
+    """The value of the variable that takes that of an aggregate, or nothing to bind, if the
+    aggregate is true.
+    """
     tuples = {
         tuple(evaluate_term(substitute_term(term, solution)) for term in element.terms)
         for element in part.elements
@@ -307,10 +333,14 @@ def _aggregate_bindings(part: StateAggregate, facts: FactSet) -> Iterator[Bindin
     value = aggregate_key(part.function, tuples)
     term = term_of(value, tuples)
     bindings = {part.outer[0]: term} if part.outer and term is not None else {}
-    sides = [(relation, evaluate_term(substitute_term(side, bindings))) for relation, side in part.guards]
+    sides = [
+        (relation, evaluate_term(substitute_term(side, bindings))) for relation, side in part.guards
+    ]
     if all(side is not None and is_ground(side) for _, side in sides):
         true = all(
-            keys_relate(relation, value, order_key(side)) for relation, side in sides if side is not None
+            keys_relate(relation, value, order_key(side))
+            for relation, side in sides
+            if side is not None
         )
         if true is part.positive:
             yield bindings
@@ -322,7 +352,9 @@ def _binds_variables(left: Term, right: Term) -> bool:
     The other side must have a value, and the side with the variables must not be arithmetic.
     """
     left_ground, right_ground = is_ground(left), is_ground(right)
-    return (left_ground or right_ground) and not isinstance(right if left_ground else left, Operation)
+    return (left_ground or right_ground) and not isinstance(
+        right if left_ground else left, Operation
+    )
 
 
 def _comparison_bindings(part: Comparison) -> Iterator[Bindings]:

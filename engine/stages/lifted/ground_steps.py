@@ -1,15 +1,25 @@
 """Ground steps, prepared as far as they do not depend on a state.
 
-Every plan that has the step uses the same result. This works for operators whose precondition names all its
-atoms and whose effects have no conditions on the state. `cellwright.engine.stages.lifted.cell_domain` executes the
-other operators. It gives the same answers for all operators, but slower.
+Every plan that has the step uses the same result. This works for operators whose precondition names
+all its atoms and whose effects have no conditions on the state.
+`cellwright.engine.stages.lifted.cell_domain` executes the other operators. It gives the same
+answers for all operators, but slower.
 """
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from cellwright.engine.stages.lifted.fact_queries import Bindings, FactSet, is_satisfiable, solve_body
-from cellwright.engine.stages.lifted.operator_schemas import GuardedAtom, OperatorSchema, OperatorSchemas
+from cellwright.engine.stages.lifted.fact_queries import (
+    Bindings,
+    FactSet,
+    is_satisfiable,
+    solve_body,
+)
+from cellwright.engine.stages.lifted.operator_schemas import (
+    GuardedAtom,
+    OperatorSchema,
+    OperatorSchemas,
+)
 from cellwright.kb.model.conditions import Body, BodyPart, Literal, part_variables, substitute_part
 from cellwright.kb.terms import Atom, is_ground, match_term, substitute_atom
 
@@ -55,7 +65,9 @@ def _is_swept(pattern: Atom, guard: Body, atom: Atom, statics: FactSet) -> bool:
 def is_plain(schema: OperatorSchema, schemas: OperatorSchemas) -> bool:
     """Whether the instances of an operator can be prepared without a state."""
     header = set(schema.operator.variables)
-    return not any(guarded.needs for guarded in (*schema.adds, *schema.denies, *schema.batches)) and all(
+    return not any(
+        guarded.needs for guarded in (*schema.adds, *schema.denies, *schema.batches)
+    ) and all(
         isinstance(part, Literal)
         and schemas.is_dynamic(part)
         and not schemas.is_derived(part.atom)
@@ -77,8 +89,14 @@ def ground_step(schema: OperatorSchema, bindings: Bindings, statics: FactSet) ->
         )
     )
     denied = [(denial, *_instance_denial(denial, bindings)) for denial in schema.denies]
-    ends = {pattern: None for _, pattern, guard in denied if _ends_atoms(pattern, guard, adds, statics)}
-    sweeps = {(p, guard): None for _, p, guard in denied if not is_ground(p) and _is_possible(guard, statics)}
+    ends = {
+        pattern: None for _, pattern, guard in denied if _ends_atoms(pattern, guard, adds, statics)
+    }
+    sweeps = {
+        (p, guard): None
+        for _, p, guard in denied
+        if not is_ground(p) and _is_possible(guard, statics)
+    }
     clash = next(_clashing_atoms(denied, adds, statics), None)
     return GroundStep(
         f"it adds and denies {clash}" if clash is not None else "",
@@ -129,7 +147,9 @@ def _clashing_atoms(
 
 def _needed_atoms(body: Body, bindings: Bindings) -> Needed:
     literals = [part for part in body if isinstance(part, Literal)]
-    holding = tuple(substitute_atom(literal.atom, bindings) for literal in literals if literal.positive)
+    holding = tuple(
+        substitute_atom(literal.atom, bindings) for literal in literals if literal.positive
+    )
     return holding, tuple(
         substitute_atom(literal.atom, bindings) for literal in literals if not literal.positive
     )

@@ -1,7 +1,8 @@
 """Execution of plans with lifted operators: each step's change, and what conditions rest on.
 
-A condition is asked for, and rules answer it: only what it needs is looked at. That a state is completed with all its derived
-atoms first (`with_derived`) is needed only for rules that build on themselves, or that leave an argument open.
+A condition is asked for, and rules answer it: only what it needs is looked at. That a state is
+completed with all its derived atoms first (`with_derived`) is needed only for rules that build on
+themselves, or that leave an argument open.
 """
 
 from collections.abc import Iterable, Iterator
@@ -14,7 +15,12 @@ from cellwright.engine.stages.lifted.cell_domain import (
     body_holds,
     with_derived,
 )
-from cellwright.engine.stages.lifted.fact_queries import Bindings, FactSet, is_satisfiable, solve_body
+from cellwright.engine.stages.lifted.fact_queries import (
+    Bindings,
+    FactSet,
+    is_satisfiable,
+    solve_body,
+)
 from cellwright.engine.stages.lifted.ground_steps import GroundStep
 from cellwright.engine.stages.lifted.operator_schemas import OperatorSchema
 from cellwright.kb.model.conditions import Body, Literal
@@ -29,7 +35,8 @@ class _Open(Exception):
 def find_support(
     body: Body, world: CellDomain, facts: FactSet, bindings: Bindings
 ) -> tuple[Atom, ...] | None:
-    """The fluents that make a body true in a state, as `not(...)` where they must be false; None if it is not true.
+    """The fluents that make a body true in a state, as `not(...)` where they must be false; None if
+    it is not true.
 
     Where rules build on themselves, only the fluents that the body names itself are told.
     """
@@ -40,7 +47,9 @@ def find_support(
             pass
     if not body_holds(body, world, with_derived(world, facts), bindings):
         return None
-    named = tuple(p for p in body if world.schemas.is_dynamic(p) and not world.schemas.rests_on_rules((p,)))
+    named = tuple(
+        p for p in body if world.schemas.is_dynamic(p) and not world.schemas.rests_on_rules((p,))
+    )
     return _first_support(named, world, facts, bindings)
 
 
@@ -48,11 +57,15 @@ def _first_support(
     body: Body, world: CellDomain, facts: FactSet, bindings: Bindings
 ) -> tuple[Atom, ...] | None:
     """What the first binding that makes a body true rests on."""
-    literals = [part for part in body if isinstance(part, Literal) and world.schemas.is_dynamic(part)]
+    literals = [
+        part for part in body if isinstance(part, Literal) and world.schemas.is_dynamic(part)
+    ]
     static = tuple(part for part in body if part not in literals)
     derived = tuple(literal for literal in literals if world.schemas.is_derived(literal.atom))
     present = tuple(literal for literal in literals if literal.positive and literal not in derived)
-    absent = tuple(literal for literal in literals if not literal.positive and literal not in derived)
+    absent = tuple(
+        literal for literal in literals if not literal.positive and literal not in derived
+    )
     for first in solve_body(present, facts, bindings):
         for static_bindings in solve_body(static, world.statics, first):
             if not is_satisfiable(absent, facts, static_bindings):
@@ -104,7 +117,8 @@ def _negate_atoms(atoms: Iterable[Atom]) -> Iterator[Atom]:
 class LiftedExecution:
     """The execution of one linearisation.
 
-    `facts` is the present state; `changes` are those of the steps taken, and `before` the states in which they began.
+    `facts` is the present state; `changes` are those of the steps taken, and `before` the states in
+    which they began.
     """
 
     world: CellDomain
@@ -142,7 +156,10 @@ class LiftedExecution:
         schema, bindings = self.world.binding(step.operator)
         if not is_satisfiable(schema.body, self.world.statics, bindings):
             return "its constraints do not hold"
-        if all(find_support(body, self.world, self.facts, bindings) is None for body in schema.alternatives):
+        if all(
+            find_support(body, self.world, self.facts, bindings) is None
+            for body in schema.alternatives
+        ):
             return "its precondition does not hold"
         derived = any(map(self.world.schemas.rests_on_rules, _schema_needs(schema)))
         facts = with_derived(self.world, self.facts) if derived else self.facts
@@ -159,7 +176,9 @@ class LiftedExecution:
         for denial in schema.denies:
             if denial.deduced:
                 for atom in change.adds:
-                    if atom.name == denial.atom.name and self.world.fires(denial, atom, bindings, facts):
+                    if atom.name == denial.atom.name and self.world.fires(
+                        denial, atom, bindings, facts
+                    ):
                         return atom
         return None
 

@@ -1,9 +1,9 @@
 """Operator schemas: all that the instances of an operator can add and deny, deduction included.
 
-Each possible consequence has a guard over statics. An instance of the operator has the consequence if the
-guard holds. A denial triggers `not` rules only if a positive precondition of the operator guarantees that the
-atom held before. Grounding does the same; it reports a diagnostic for other atoms that the denial might end
-(language reference, Meaning 3).
+Each possible consequence has a guard over statics. An instance of the operator has the consequence
+if the guard holds. A denial triggers `not` rules only if a positive precondition of the operator
+guarantees that the atom held before. Grounding does the same; it reports a diagnostic for other
+atoms that the denial might end (language reference, Meaning 3).
 """
 
 import hashlib
@@ -52,12 +52,17 @@ MAX_CONSEQUENCES = 400
 
 
 class NotGeneral(Exception):
-    """The plan cannot be generalised. The text names the part of the domain or plan that is the reason."""
+    """The plan cannot be generalised.
+
+    The text names the part of the domain or plan that is the reason.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class GuardedAtom:
-    """`atom` is added or denied for every binding that satisfies `guard`, if `needs` held before the step."""
+    """`atom` is added or denied for every binding that satisfies `guard`, if `needs` held
+    before the step.
+    """
 
     atom: Atom
     guard: Body = ()
@@ -68,7 +73,10 @@ class GuardedAtom:
         """The same consequence with other variables."""
         atom = substitute_atom(self.atom, bindings)
         return GuardedAtom(
-            atom, renamed_body(self.guard, bindings), renamed_body(self.needs, bindings), self.deduced
+            atom,
+            renamed_body(self.guard, bindings),
+            renamed_body(self.needs, bindings),
+            self.deduced,
         )
 
 
@@ -104,7 +112,9 @@ def type_guards(parameters: Iterable[Parameter]) -> Body:
 class DeductiveOperators:
     """The deductive operators of a domain. `fresh` makes a variable that is used nowhere else."""
 
-    def __init__(self, rules: Iterable[DeductiveOperator], fresh: Callable[[Variable], Variable]) -> None:
+    def __init__(
+        self, rules: Iterable[DeductiveOperator], fresh: Callable[[Variable], Variable]
+    ) -> None:
         self._rules = tuple(rules)
         self._fresh = fresh
 
@@ -116,7 +126,10 @@ class DeductiveOperators:
         `held` are the fluents that its precondition demands.
         """
         added, denied = dict.fromkeys(adds), dict.fromkeys(denies)
-        waiting: list[tuple[bool, GuardedAtom]] = [*((True, a) for a in adds), *((False, d) for d in denies)]
+        waiting: list[tuple[bool, GuardedAtom]] = [
+            *((True, a) for a in adds),
+            *((False, d) for d in denies),
+        ]
         while waiting:
             positive, cause = waiting.pop(0)
             for implied, consequence in self._follows(positive, cause, demanded):
@@ -140,7 +153,11 @@ class DeductiveOperators:
                 yield from self._consequences(rule, consequence, cause, demanded)
 
     def _consequences(
-        self, rule: DeductiveOperator, consequence: Consequence, cause: GuardedAtom, demanded: list[Atom]
+        self,
+        rule: DeductiveOperator,
+        consequence: Consequence,
+        cause: GuardedAtom,
+        demanded: list[Atom],
     ) -> Iterator[tuple[bool, GuardedAtom]]:
         body = without_aggregates((*rule.body, *consequence.body), consequence.parameters)
         own = [*term_variables(rule.trigger.atom), *term_variables(consequence.atom)]
@@ -151,7 +168,9 @@ class DeductiveOperators:
         for before in [None] if rule.trigger.positive else demanded:
             unifier = unify(trigger, cause.atom, {})
             if before is not None and unifier is not None:
-                unifier = unify(before, cause.atom, unifier) if before.name == cause.atom.name else None
+                unifier = (
+                    unify(before, cause.atom, unifier) if before.name == cause.atom.name else None
+                )
             if unifier is None:
                 continue
             guards = renamed_body((*type_guards(consequence.parameters), *body), fresh)
@@ -181,7 +200,11 @@ def _bind_consequence(
                 for v, t in bindings.items()
             }
             bindings[value] = variable
-    local = {variable: term for variable, term in bindings.items() if variable in own and term != variable}
+    local = {
+        variable: term
+        for variable, term in bindings.items()
+        if variable in own and term != variable
+    }
     equations = tuple(
         Comparison(variable, "=", term)
         for variable, term in bindings.items()
@@ -196,7 +219,11 @@ def _bind_consequence(
 
 def _distinct_parts(body: Body) -> Body:
     """The body without repeated parts and without equations of a term with itself."""
-    parts = (p for p in body if not (isinstance(p, Comparison) and p.relation == "=" and p.left == p.right))
+    parts = (
+        p
+        for p in body
+        if not (isinstance(p, Comparison) and p.relation == "=" and p.left == p.right)
+    )
     return tuple(dict.fromkeys(parts))
 
 
@@ -214,14 +241,19 @@ def _canonical_form(guarded: GuardedAtom) -> str:
     local = [variable for variable in dict.fromkeys(all_variables) if "@" in variable.name]
     names = {variable: Variable(f"L{number}@") for number, variable in enumerate(local)}
     renamed = guarded.renamed(names)
-    return f"{renamed.atom} :- {', '.join(map(str, renamed.guard))} | {', '.join(map(str, renamed.needs))}"
+    return (
+        f"{renamed.atom} :- {', '.join(map(str, renamed.guard))} | "
+        f"{', '.join(map(str, renamed.needs))}"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class OperatorSchema:
-    """An operator: the alternatives of its precondition and all that it may add, deny and let happen.
+    """An operator: the alternatives of its precondition and all that it may add, deny and let
+    happen.
 
-    `batches` are the events that happen under conditions. `universal` is whether one of its conditions speaks of all objects.
+    `batches` are the events that happen under conditions. `universal` is whether one of its
+    conditions speaks of all objects.
     """
 
     operator: Operator
@@ -234,7 +266,10 @@ class OperatorSchema:
     batches: tuple[GuardedAtom, ...] = ()
 
     def renamed(self, bindings: Substitution) -> "OperatorSchema":
-        """The same schema with other variables. `bindings` must contain the variables of the header."""
+        """The same schema with other variables.
+
+        `bindings` must contain the variables of the header.
+        """
         return OperatorSchema(
             self.operator,
             renamed_body(self.body, bindings),
@@ -254,7 +289,9 @@ class OperatorSchema:
             bodies += [guarded.guard, guarded.needs]
             all_variables.update(dict.fromkeys(term_variables(guarded.atom)))
         for body in bodies:
-            all_variables.update((variable, None) for part in body for variable in part_variables(part))
+            all_variables.update(
+                (variable, None) for part in body for variable in part_variables(part)
+            )
         return (variable for variable in all_variables if variable != ANYTHING)
 
 
@@ -276,7 +313,10 @@ class OperatorSchemas:
 
     def is_dynamic(self, part: BodyPart) -> bool:
         """Whether a part of a body depends on the state."""
-        return isinstance(part, Literal) and self.kinds.get(part.atom.name) in (Kind.FLUENT, Kind.DERIVED)
+        return isinstance(part, Literal) and self.kinds.get(part.atom.name) in (
+            Kind.FLUENT,
+            Kind.DERIVED,
+        )
 
     def is_derived(self, atom: Atom) -> bool:
         """Whether rules over fluents define the predicate of an atom."""
@@ -287,7 +327,9 @@ class OperatorSchemas:
         if self._recursive[0] != len(self.rules):
             reads: dict[str, set[str]] = {}
             for rule in self.rules:
-                used = (p.atom for p in rule.body if isinstance(p, Literal) and self.is_derived(p.atom))
+                used = (
+                    p.atom for p in rule.body if isinstance(p, Literal) and self.is_derived(p.atom)
+                )
                 reads.setdefault(rule.head.name, set()).update(atom.name for atom in used)
             loops = (
                 len(component) > 1 or component[0] in reads.get(component[0], ())
@@ -313,10 +355,11 @@ class OperatorSchemas:
         return self._made[name]
 
     def disjuncts(self, condition: Condition, types: dict[Variable, str]) -> tuple[Body, ...]:
-        """The alternatives of a condition. Each is a body in which every `_` is replaced by a new variable.
+        """The alternatives of a condition. Each is a body in which every `_` is replaced by a new
+        variable.
 
-        Raises `NotGeneral` for a condition on all objects: it may be true of these objects and false for
-        others.
+        Raises `NotGeneral` for a condition on all objects: it may be true of these objects and
+        false for others.
         """
         disjuncts = self._goals.disjuncts(condition, types)
         if self._goals.rules:
@@ -366,22 +409,30 @@ class OperatorSchemas:
         alternatives = self._alternatives(operator.precondition, types)
         explicit = [self._explicit(effect.atom, effect, types) for effect in operator.effects]
         events = tuple(
-            e.atom for e in operator.effects if self._is_event(e.atom) and not _is_conditional_effect(e)
+            e.atom
+            for e in operator.effects
+            if self._is_event(e.atom) and not _is_conditional_effect(e)
         )
         plain = [
             (e, guarded)
             for e, explicit_changes in zip(operator.effects, explicit, strict=True)
             for guarded in explicit_changes
         ]
-        adds = [guarded for effect, guarded in plain if effect.adds and not self._is_event(guarded.atom)]
+        adds = [
+            guarded for effect, guarded in plain if effect.adds and not self._is_event(guarded.atom)
+        ]
         batches = tuple(
-            guarded for e, guarded in plain if self._is_event(guarded.atom) and _is_conditional_effect(e)
+            guarded
+            for e, guarded in plain
+            if self._is_event(guarded.atom) and _is_conditional_effect(e)
         )
         possible_atoms = {
             part.atom
             for body in alternatives
             for part in body
-            if isinstance(part, Literal) and part.positive and self.kinds.get(part.atom.name) is Kind.FLUENT
+            if isinstance(part, Literal)
+            and part.positive
+            and self.kinds.get(part.atom.name) is Kind.FLUENT
         }
         first = [
             guarded
@@ -389,7 +440,10 @@ class OperatorSchemas:
             if not effect.adds and guarded.atom not in {a.atom for a in adds}
         ]
         added, denied = self._deduction.closure(adds, first, sorted(possible_atoms, key=str))
-        body = (*type_guards(operator.parameters), *without_aggregates(operator.body, operator.parameters))
+        body = (
+            *type_guards(operator.parameters),
+            *without_aggregates(operator.body, operator.parameters),
+        )
         universal = len(self.rules) > rules_before
         return OperatorSchema(
             operator, body, alternatives, tuple(added), tuple(denied), events, universal, batches
@@ -398,7 +452,9 @@ class OperatorSchemas:
     def _is_event(self, atom: Atom) -> bool:
         return self.kinds.get(atom.name) is Kind.EVENT
 
-    def _explicit(self, atom: Atom, effect: Effect, types: dict[Variable, str]) -> list[GuardedAtom]:
+    def _explicit(
+        self, atom: Atom, effect: Effect, types: dict[Variable, str]
+    ) -> list[GuardedAtom]:
         if not _is_conditional_effect(effect):
             return [GuardedAtom(atom, deduced=False)]
         fresh = {p.variable: self.fresh(p.variable) for p in effect.parameters}
@@ -416,4 +472,11 @@ def _is_conditional_effect(effect: Effect) -> bool:
     return bool(effect.parameters) or effect.condition != ALWAYS_TRUE
 
 
-__all__ = ["GuardedAtom", "NotGeneral", "OperatorSchema", "OperatorSchemas", "stand_in", "type_guards"]
+__all__ = [
+    "GuardedAtom",
+    "NotGeneral",
+    "OperatorSchema",
+    "OperatorSchemas",
+    "stand_in",
+    "type_guards",
+]

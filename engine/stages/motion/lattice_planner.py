@@ -1,6 +1,7 @@
 """Handey's planner: three joints at a time, by A* on a lattice of configurations.
 
-It serves a space of three joints, where a lattice can still be searched to its end. The other joints keep their values.
+It serves a space of three joints, where a lattice can still be searched to its end. The other
+joints keep their values.
 """
 
 import heapq
@@ -17,7 +18,9 @@ from cellwright.engine.ports import MotionScene
 
 LATTICE_SPACING = 0.15  # rad or m between neighbours
 MAX_EXPANDED_NODES = 4_000  # nodes whose neighbours are looked at
-GOAL_WEIGHT = 1.5  # how much more the distance to the goal counts than the way behind: fewer nodes, paths a little longer
+# how much more the distance to the goal counts than the way behind: fewer nodes, paths a little
+# longer
+GOAL_WEIGHT = 1.5
 FREE_SHELLS = 12  # how many spacings away a free configuration is looked for
 
 Node = tuple[int, ...]
@@ -45,11 +48,17 @@ class Lattice:
 
 
 def nearest_free(ground: MotionScene, lattice: Lattice, margin_m: float) -> Floats | None:
-    """The configuration (k,) of the lattice nearest to its origin that is free; None if none is near."""
+    """The configuration (k,) of the lattice nearest to its origin that is free; None if none is
+    near.
+    """
     for nodes in _lattice_shells(len(lattice.free)):
         where = lattice.at(nodes)
         where = where[lattice.within(where)]
-        free = ground.clearance(where, margin_m + 1e-9) > margin_m if margin_m else ~ground.collides(where)
+        free = (
+            ground.clearance(where, margin_m + 1e-9) > margin_m
+            if margin_m
+            else ~ground.collides(where)
+        )
         if free.any():
             nearest: Floats = where[int(np.argmax(free))]
             return nearest
@@ -67,7 +76,8 @@ def _lattice_shells(count: int) -> Iterator[Longs]:
 
 
 def lattice_path(lines: Edges, lattice: Lattice, goal: Floats) -> Floats | None:
-    """Configurations (m, k) from the lattice's origin to `goal` (k,) by free lines; None if the lattice has no way.
+    """Configurations (m, k) from the lattice's origin to `goal` (k,) by free lines; None if the
+    lattice has no way.
 
     The goal differs from the origin in the joints that are free alone.
     """
@@ -89,7 +99,9 @@ def lattice_path(lines: Edges, lattice: Lattice, goal: Floats) -> Floats | None:
             and _free_lines(lines, here_q, straight[1:])[0]
         ):
             return np.vstack([lattice.at(np.array(_trace_nodes(behind, node))), goal[None]])
-        for cost, estimate, next_node in _expand_node(lines, lattice, node, behind[node][0], goal, done):
+        for cost, estimate, next_node in _expand_node(
+            lines, lattice, node, behind[node][0], goal, done
+        ):
             if next_node not in behind or cost < behind[next_node][0] - 1e-12:
                 behind[next_node] = (cost, node)
                 heapq.heappush(open_, (cost + GOAL_WEIGHT * estimate, len(behind), next_node))
@@ -99,7 +111,9 @@ def lattice_path(lines: Edges, lattice: Lattice, goal: Floats) -> Floats | None:
 def _expand_node(
     lines: Edges, lattice: Lattice, node: Node, cost: float, goal: Floats, done: set[Node]
 ) -> list[tuple[float, float, Node]]:
-    """The neighbours that a free line leads to: the cost up to there, the distance to the goal, the node."""
+    """The neighbours that a free line leads to: the cost up to there, the distance to the goal,
+    the node.
+    """
     nodes = np.array(
         [neighbour for neighbour in np.array(node) + lattice.steps if tuple(neighbour) not in done]
     )
@@ -111,7 +125,11 @@ def _expand_node(
     ways = LATTICE_SPACING * np.sqrt(((nodes - np.array(node)) ** 2).sum(axis=1))
     to_goal = np.linalg.norm(goal - where, axis=1)
     rows = zip(ways, to_goal, nodes, free, strict=True)
-    return [(cost + float(w), float(e), tuple(map(int, neighbour))) for w, e, neighbour, ok in rows if ok]
+    return [
+        (cost + float(w), float(e), tuple(map(int, neighbour)))
+        for w, e, neighbour, ok in rows
+        if ok
+    ]
 
 
 def _free_lines(lines: Edges, first: Floats, second: Floats) -> Bytes:
@@ -135,12 +153,17 @@ WRIST_JOINTS = 3  # joints that are planned for by a box
 LATTICE_GOALS = 4  # goals that are tried, the nearest first
 NO_ROOM = "the box around the hand is nowhere free near the {}"
 NO_WAY_FOR_BOX = "the first three joints find no way for the box around the hand"
-NO_EXIT = "with its last three joints still, the arm finds no way between the {} and the place where the box is free"
+NO_EXIT = (
+    "with its last three joints still, the arm finds no way between the {} and the place where "
+    "the box is free"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FailedPath:
-    """Why the three paths do not come together, and the configurations (2, k) between which one is missing."""
+    """Why the three paths do not come together, and the configurations (2, k) between which one
+    is missing.
+    """
 
     why: str
     ends: Floats
@@ -149,15 +172,20 @@ class FailedPath:
 def lattice_plan(
     ground: MotionScene, lines: Edges, query: PathQuery, low: Floats, high: Floats
 ) -> tuple[Floats | FailedPath, int]:
-    """The configurations (m, k) of the three paths, and the number of the goal; else what is missing for the nearest goal.
+    """The configurations (m, k) of the three paths, and the number of the goal; else what is
+    missing for the nearest goal.
 
     Raises `ValueError` for an arm of more than six joints, or of less than four.
     """
     joints = list(query.moving or range(ground.scene.joints.count))
     if not WRIST_JOINTS < len(joints) <= 2 * WRIST_JOINTS:
-        raise ValueError(f"the reduced planner is for arms of four to six joints, not {len(joints)}")
+        raise ValueError(
+            f"the reduced planner is for arms of four to six joints, not {len(joints)}"
+        )
     first = None
-    for goal in np.argsort(np.linalg.norm(query.goals - query.start, axis=1), kind="stable")[:LATTICE_GOALS]:
+    for goal in np.argsort(np.linalg.norm(query.goals - query.start, axis=1), kind="stable")[
+        :LATTICE_GOALS
+    ]:
         joined = _join_three_paths(
             ground,
             lines,
@@ -187,10 +215,14 @@ def _join_three_paths(
     leaving = nearest_free(box, Lattice(start, arm, *limits), query.margin_m)
     entering = nearest_free(box, Lattice(goal, arm, *limits), query.margin_m)
     if leaving is None or entering is None:
-        return FailedPath(NO_ROOM.format("start" if leaving is None else "goal"), np.array([start, goal]))
+        return FailedPath(
+            NO_ROOM.format("start" if leaving is None else "goal"), np.array([start, goal])
+        )
     still = entering.copy()
     still[wrist] = leaving[wrist]
-    middle = lattice_path(box.lines(query.step, query.margin_m), Lattice(leaving, arm, *limits), still)
+    middle = lattice_path(
+        box.lines(query.step, query.margin_m), Lattice(leaving, arm, *limits), still
+    )
     if middle is None:
         return FailedPath(NO_WAY_FOR_BOX, np.array([leaving, still]))
     out = lattice_path(lines, Lattice(start, arm, *limits), leaving)
@@ -202,7 +234,9 @@ def _join_three_paths(
 
 
 def _turn_wrist(middle: Floats, wrist: list[int], last: Floats) -> Floats:
-    """The path (m, k) on which the last joints turn evenly to the values of `last` (k,) on the way."""
+    """The path (m, k) on which the last joints turn evenly to the values of `last` (k,) on the
+    way.
+    """
     if len(middle) < 2 or not np.abs(np.diff(middle, axis=0)).any():
         return np.array([middle[0], last])
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1)))

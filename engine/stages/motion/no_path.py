@@ -23,19 +23,24 @@ PLACES_BETWEEN = 64  # places between the ends of the trees
 def forbidden_ends(
     ground: MotionScene, start: Floats, goals: Floats, margin_m: float
 ) -> tuple[tuple[Reason, ...], tuple[int, ...]]:
-    """What forbids the start (k,) and the goals (n, k), and the numbers of the goals that can be planned for.
+    """What forbids the start (k,) and the goals (n, k), and the numbers of the goals that can be
+    planned for.
 
     None can if the start is forbidden.
     """
     of_start = _end_reasons(ground, start, "start", margin_m)
-    of_goals = [_end_reasons(ground, goal, f"goal {n + 1}", margin_m) for n, goal in enumerate(goals)]
+    of_goals = [
+        _end_reasons(ground, goal, f"goal {n + 1}", margin_m) for n, goal in enumerate(goals)
+    ]
     allowed = () if of_start else tuple(n for n, reasons in enumerate(of_goals) if not reasons)
     return (*of_start, *(reason for reasons in of_goals for reason in reasons)), allowed
 
 
 def _end_reasons(ground: MotionScene, q: Floats, name: str, margin_m: float) -> tuple[Reason, ...]:
     joints = ground.scene.joints
-    outside = np.nonzero((q < joints.lower - LIMIT_TOLERANCE) | (q > joints.upper + LIMIT_TOLERANCE))[0]
+    outside = np.nonzero(
+        (q < joints.lower - LIMIT_TOLERANCE) | (q > joints.upper + LIMIT_TOLERANCE)
+    )[0]
     reasons: list[Reason] = [
         OutsideLimits(name, int(j), float(q[j]), float(joints.lower[j]), float(joints.upper[j]))
         for j in outside
@@ -45,7 +50,9 @@ def _end_reasons(ground: MotionScene, q: Floats, name: str, margin_m: float) -> 
     return tuple(reasons)
 
 
-def blocked_between_trees(ground: MotionScene, trees: Trees, looked: int, query: PathQuery) -> Blocked:
+def blocked_between_trees(
+    ground: MotionScene, trees: Trees, looked: int, query: PathQuery
+) -> Blocked:
     """Where the trees came nearest, and what is worst in between."""
     first, second = trees.grown()
     ends, apart = _nearest_pair(first, second)
@@ -61,8 +68,12 @@ def blocked_without_trees(
     return Blocked(ends, norm(ends[1] - ends[0]), looked, (1, 1), at, contacts, why)
 
 
-def _worst_between(ground: MotionScene, ends: Floats, query: PathQuery) -> tuple[Floats, tuple[Contact, ...]]:
-    """The worst configuration (k,) on the straight line between two (2, k), and what touches there."""
+def _worst_between(
+    ground: MotionScene, ends: Floats, query: PathQuery
+) -> tuple[Floats, tuple[Contact, ...]]:
+    """The worst configuration (k,) on the straight line between two (2, k), and what touches
+    there.
+    """
     between = ends[0] + np.linspace(0.0, 1.0, PLACES_BETWEEN)[:, None] * (ends[1] - ends[0])
     at = between[int(np.argmin(ground.clearance(between, query.margin_m + 1.0)))]
     return at, ground.contacts(at, query.margin_m)
@@ -85,8 +96,12 @@ def prove_severed(ground: MotionScene, query: PathQuery) -> Severed | None:
     """A proof that no goal can be reached, or None, which says nothing."""
     changing = ground.changing(query.moving or range(ground.scene.joints.count))
     for count, cells in enumerate(GRID_CELLS, 1):
-        for joints in sorted({tuple(sorted(joint_set)) for joint_set in changing if len(joint_set) == count}):
-            rows = [n for n, joint_set in enumerate(changing) if joint_set and joint_set <= set(joints)]
+        for joints in sorted(
+            {tuple(sorted(joint_set)) for joint_set in changing if len(joint_set) == count}
+        ):
+            rows = [
+                n for n, joint_set in enumerate(changing) if joint_set and joint_set <= set(joints)
+            ]
             proof = (
                 _parting_proof(ground.only(rows), query, joints, cells)
                 if _all_limited(ground, joints)
@@ -98,7 +113,9 @@ def prove_severed(ground: MotionScene, query: PathQuery) -> Severed | None:
 
 
 def _all_limited(ground: MotionScene, joints: tuple[int, ...]) -> bool:
-    """Whether joints have limits on both sides: else there might be a way around beyond the grid."""
+    """Whether joints have limits on both sides: else there might be a way around beyond the
+    grid.
+    """
     limits = ground.scene.joints
     return bool(np.isfinite([limits.lower[list(joints)], limits.upper[list(joints)]]).all())
 
@@ -122,14 +139,20 @@ def _parting_proof(
         return None
     wall = binary_dilation(regions == marks[0], around) & (regions == 0)
     worst = _nearest_middle(middles, np.nonzero(wall.ravel())[0], chosen, query.goals)
-    contacts = tuple(sorted(near.contacts(worst, query.margin_m), key=lambda contact: contact.distance_m))
+    contacts = tuple(
+        sorted(near.contacts(worst, query.margin_m), key=lambda contact: contact.distance_m)
+    )
     return Severed(joints, len(middles), worst, contacts)
 
 
-def _cell_middles(start: Floats, joints: list[int], low: Floats, high: Floats, cells: int) -> Floats:
+def _cell_middles(
+    start: Floats, joints: list[int], low: Floats, high: Floats, cells: int
+) -> Floats:
     """The middle of every cell (n, k); the joints that the grid is not about stay at the start."""
     share = (np.arange(cells) + 0.5) / cells
-    values = np.stack(np.meshgrid(*[share] * len(joints), indexing="ij"), axis=-1).reshape(-1, len(joints))
+    values = np.stack(np.meshgrid(*[share] * len(joints), indexing="ij"), axis=-1).reshape(
+        -1, len(joints)
+    )
     middles = np.repeat(start[None], len(values), axis=0)
     middles[:, joints] = low + values * (high - low)
     return middles
@@ -148,6 +171,8 @@ def _shut_cells(
 
 def _nearest_middle(middles: Floats, rows: Longs, joints: list[int], goals: Floats) -> Floats:
     """Of the middles (n, k) in some rows, the one (k,) that is nearest to a goal."""
-    away = np.linalg.norm(middles[rows][:, None, joints] - goals[None][:, :, joints], axis=2).min(axis=1)
+    away = np.linalg.norm(middles[rows][:, None, joints] - goals[None][:, :, joints], axis=2).min(
+        axis=1
+    )
     nearest: Floats = middles[rows[int(np.argmin(away))]]
     return nearest

@@ -1,6 +1,7 @@
 """The default path planner: a straight line, else two trees that meet, short cuts, and a proof.
 
-Nothing is drawn at random, and nothing reads a clock: the same query has the same answer on every run.
+Nothing is drawn at random, and nothing reads a clock: the same query has the same answer on every
+run.
 """
 
 from dataclasses import replace
@@ -12,7 +13,14 @@ from cellwright.engine.kernels.geometry.edges import Edges, free_edges
 from cellwright.engine.kernels.motion.connect import Trees, connect
 from cellwright.engine.kernels.motion.shorten import Route, shorten
 from cellwright.engine.model.geometry import Joints
-from cellwright.engine.model.motion_values import Answer, Blocked, Moved, PathQuery, RefusedQuery, Strategy
+from cellwright.engine.model.motion_values import (
+    Answer,
+    Blocked,
+    Moved,
+    PathQuery,
+    RefusedQuery,
+    Strategy,
+)
 from cellwright.engine.ports import MotionScene, MovingHand
 from cellwright.engine.stages.motion.no_path import (
     blocked_between_trees,
@@ -22,18 +30,22 @@ from cellwright.engine.stages.motion.no_path import (
 )
 from cellwright.engine.stages.motion.path_proofs import plan_until_proved
 
-MAX_BRANCH = 1.0  # rad or m: the longest branch of a tree; of those tried on the UR5 problems, the one with the least work
+# rad or m: the longest branch of a tree; of those tried on the UR5 problems, the one with the least
+# work
+MAX_BRANCH = 1.0
 MAX_TREE_NODES = 20_000  # of each tree
 EARLY_BUDGET = 300_000  # configurations looked at before it is asked whether there is a path at all
 GOLDEN_RATIO = (5**0.5 - 1) / 2
-TOUCHES_UNSEEN = "the path touches something that the strategy did not look at, such as two parts of the hand"
+TOUCHES_UNSEEN = (
+    "the path touches something that the strategy did not look at, such as two parts of the hand"
+)
 
 
 def plan_path(ground: MotionScene, query: PathQuery, hand: MovingHand | None = None) -> Answer:
     """A path from the start to one of the goals; else why there is none.
 
-    Goals that are not allowed are left out, as long as one is. Raises `ValueError` for arrays of another shape, and for a
-    strategy that needs a hand where none is given.
+    Goals that are not allowed are left out, as long as one is. Raises `ValueError` for arrays of
+    another shape, and for a strategy that needs a hand where none is given.
     """
     answer = try_path(ground, replace(query, budget=min(query.budget, EARLY_BUDGET)), hand)
     if isinstance(answer, Blocked):
@@ -42,7 +54,9 @@ def plan_path(ground: MotionScene, query: PathQuery, hand: MovingHand | None = N
         asked = replace(query, start=start, goals=np.ascontiguousarray(goals[list(allowed)]))
         answer = replace(answer, severed=prove_severed(ground, asked))
     return (
-        try_path(ground, query, hand) if query.budget > EARLY_BUDGET and _is_open(answer, query) else answer
+        try_path(ground, query, hand)
+        if query.budget > EARLY_BUDGET and _is_open(answer, query)
+        else answer
     )
 
 
@@ -74,7 +88,12 @@ def try_path(ground: MotionScene, query: PathQuery, hand: MovingHand | None = No
 def _checked_ends(joints: Joints, query: PathQuery) -> tuple[Floats, Floats]:
     start = np.array(query.start, dtype=float)
     goals = np.array(query.goals, dtype=float)
-    if start.shape != (joints.count,) or goals.ndim != 2 or goals.shape[1] != joints.count or not len(goals):
+    if (
+        start.shape != (joints.count,)
+        or goals.ndim != 2
+        or goals.shape[1] != joints.count
+        or not len(goals)
+    ):
         shape = f"({joints.count},) and (n, {joints.count})"
         raise ValueError(f"start and goals must be {shape}, not {start.shape} and {goals.shape}")
     if not (np.isfinite(start).all() and np.isfinite(goals).all()):
@@ -82,7 +101,9 @@ def _checked_ends(joints: Joints, query: PathQuery) -> tuple[Floats, Floats]:
     return start, goals
 
 
-def search_path(ground: MotionScene, query: PathQuery, hand: MovingHand | None = None) -> Moved | Blocked:
+def search_path(
+    ground: MotionScene, query: PathQuery, hand: MovingHand | None = None
+) -> Moved | Blocked:
     """A short path that is free wherever it was looked at, for ends that are allowed."""
     low, high = sampling_bounds(ground.scene.joints, query)
     lines = ground.lines(query.step, query.margin_m)
@@ -109,7 +130,9 @@ def _by_strategy(
     limits: tuple[Floats, Floats],
     hand: MovingHand | None,
 ) -> Moved | Blocked:
-    """What another planner than the default one finds; its path is checked whole before it counts."""
+    """What another planner than the default one finds; its path is checked whole before it
+    counts.
+    """
     from cellwright.engine.stages.motion.lattice_planner import FailedPath, lattice_plan
     from cellwright.engine.stages.motion.upright_planner import upright_plan
     from cellwright.engine.stages.motion.visibility_planner import visibility_plan
@@ -145,7 +168,9 @@ def _shorten_path(path: Floats, lines: Edges, query: PathQuery) -> Moved:
 
 
 def sampling_bounds(joints: Joints, query: PathQuery) -> tuple[Floats, Floats]:
-    """Finite limits (k,) and (k,) to draw samples from: a joint without limits goes half a turn, or a metre, beyond the ends."""
+    """Finite limits (k,) and (k,) to draw samples from: a joint without limits goes half a
+    turn, or a metre, beyond the ends.
+    """
     if not query.moving and np.isfinite(joints.upper - joints.lower).all():
         return joints.lower, joints.upper
     ends = np.vstack([query.start[None], query.goals])

@@ -1,4 +1,6 @@
-"""Proofs about paths: that one is free, what touches by intention, and whether two arms may meet."""
+"""Proofs about paths: that one is free, what touches by intention, and whether two arms may
+meet.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,17 +19,21 @@ from cellwright.engine.stages.motion.no_path import blocked_without_trees
 
 MAX_PROOF_ROUNDS = 6  # plans, the last of which looks 32 times as often as the first
 WIDER_M = 0.001  # the margin that the second plan adds; each further one doubles it
-GRAZES_BETWEEN = "every path that was found touches something between two places that the search looked at"
+GRAZES_BETWEEN = (
+    "every path that was found touches something between two places that the search looked at"
+)
 
 
 def plan_until_proved(
-    ground: MotionScene, query: PathQuery, search: Callable[[MotionScene, PathQuery], Moved | Blocked]
+    ground: MotionScene,
+    query: PathQuery,
+    search: Callable[[MotionScene, PathQuery], Moved | Blocked],
 ) -> Moved | Blocked:
     """The first path of a search that is proved.
 
-    A path that grazes something between two looks is not. If there is no path with a wider margin, the same step is tried
-    without. All plans share the budget. What is left unproved in the end touches nothing when looked at every `FINEST_M`;
-    what does touch is no path.
+    A path that grazes something between two looks is not. If there is no path with a wider margin,
+    the same step is tried without. All plans share the budget. What is left unproved in the end
+    touches nothing when looked at every `FINEST_M`; what does touch is no path.
     """
     asked, answer, looked = query, search(ground, query), 0
     unproved: Moved | None = None
@@ -39,7 +45,9 @@ def plan_until_proved(
             )
             if unproved.proved:
                 return unproved
-            wider = query.margin_m + min(WIDER_M * 2**round_, 0.5 * spare_margin_at_ends(ground, query))
+            wider = query.margin_m + min(
+                WIDER_M * 2**round_, 0.5 * spare_margin_at_ends(ground, query)
+            )
             asked = replace(asked, step=asked.step / 2, margin_m=wider)
         elif asked.margin_m > query.margin_m:
             asked = replace(asked, margin_m=query.margin_m)
@@ -52,7 +60,11 @@ def plan_until_proved(
 
 
 def _unproved_answer(
-    ground: MotionScene, query: PathQuery, unproved: Moved | None, last: Moved | Blocked, looked: int
+    ground: MotionScene,
+    query: PathQuery,
+    unproved: Moved | None,
+    last: Moved | Blocked,
+    looked: int,
 ) -> Moved | Blocked:
     """The last path that was found, unless it touches something; then that there is none."""
     if unproved is not None:
@@ -68,14 +80,18 @@ def _unproved_answer(
 
 
 def prove_moved(ground: MotionScene, moved: Moved, margin_m: float) -> Moved:
-    """A path with what a proof says of it: whether it keeps more than the margin everywhere, and the work that it took."""
+    """A path with what a proof says of it: whether it keeps more than the margin everywhere,
+    and the work that it took.
+    """
     proof = ground.proof(margin_m, FINEST_M)
     proved = proved_lines(proof, moved.path) == len(moved.path) - 1
     return replace(moved, proved=proved, stretches=proof.looked, refined=proof.refined)
 
 
 def unproved_lines(ground: MotionScene, path: Floats, margin_m: float, finest_m: float) -> Truths:
-    """Which lines (m - 1,) of a path (m, k) are not proved to keep more than a margin everywhere."""
+    """Which lines (m - 1,) of a path (m, k) are not proved to keep more than a margin
+    everywhere.
+    """
     is_unproved, n = np.zeros(len(path) - 1, dtype=bool), 0
     while n < len(is_unproved):
         n += proved_lines(ground.proof(margin_m, finest_m), np.ascontiguousarray(path[n:]))
@@ -85,7 +101,9 @@ def unproved_lines(ground: MotionScene, path: Floats, margin_m: float, finest_m:
 
 
 def _first_touching(ground: MotionScene, path: Floats, margin_m: float) -> int | None:
-    """The first line of a path (m, k) on which something is within the margin, looked at every `FINEST_M` (rad, m)."""
+    """The first line of a path (m, k) on which something is within the margin, looked at every
+    `FINEST_M` (rad, m).
+    """
     free = np.zeros(len(path) - 1, dtype=np.uint8)
     lines = ground.lines(FINEST_M, margin_m)
     free_edges(lines, np.ascontiguousarray(path[:-1]), np.ascontiguousarray(path[1:]), free)
@@ -107,7 +125,9 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class BodyTouch:
-    """Two bodies that touch on a path: how deep at the most where it was looked at, and whether `allowed_m` is proved."""
+    """Two bodies that touch on a path: how deep at the most where it was looked at, and whether
+    `allowed_m` is proved.
+    """
 
     first: str
     second: str
@@ -125,7 +145,9 @@ class _SeenTouches:
     doubted: set[Pair] = field(default_factory=set)
 
     def note(self, near: Sequence[Contact], half_m: float) -> set[Pair]:
-        """The pairs that may overlap too much within `half_m` of motion, without those that are known to."""
+        """The pairs that may overlap too much within `half_m` of motion, without those that are
+        known to.
+        """
         over = set()
         for contact in near:
             pair = (min(contact.first, contact.second), max(contact.first, contact.second))
@@ -138,7 +160,9 @@ class _SeenTouches:
 
 
 def touches_on_path(ground: MotionScene, path: Floats, allowed_m: float) -> tuple[BodyTouch, ...]:
-    """The pairs that touch on a path (m, k), and those that may for all that is known; each with its proof."""
+    """The pairs that touch on a path (m, k), and those that may for all that is known; each
+    with its proof.
+    """
     seen, finest_m = _SeenTouches(allowed_m), max(FINEST_M, allowed_m / 5)
     departure = _from_first_touch(ground, path, finest_m)[::-1]
     departure = _from_first_touch(ground, departure, finest_m)[::-1]
@@ -154,7 +178,8 @@ def touches_on_path(ground: MotionScene, path: Floats, allowed_m: float) -> tupl
 
 
 def lines_too_deep(ground: MotionScene, path: Floats, allowed_m: float, stray_m: float) -> Truths:
-    """On which lines (m - 1,) of a path (m, k) some pair is not proved to overlap by no more than it may.
+    """On which lines (m - 1,) of a path (m, k) some pair is not proved to overlap by no more than
+    it may.
 
     Every point of the motion that is meant may be so far (`stray_m`) from where it is on the path.
     """
@@ -169,7 +194,9 @@ def lines_too_deep(ground: MotionScene, path: Floats, allowed_m: float, stray_m:
 
 
 def _from_first_touch(ground: MotionScene, path: Floats, finest_m: float) -> Floats:
-    """The rest of a path (m, k) from where it is not proved any more that nothing touches: its end alone if all of it is."""
+    """The rest of a path (m, k) from where it is not proved any more that nothing touches: its
+    end alone if all of it is.
+    """
     path = np.ascontiguousarray(path)
     if ground.collides(path[:1])[0]:
         return path
@@ -200,14 +227,18 @@ def _go_through(ground: MotionScene, first: Floats, second: Floats, seen: _SeenT
             stretches += [(low, middle), (middle, high)]
 
 
-MAX_PATH_PARTS = 200_000  # parts that are looked at for one pair of paths; beyond them nothing is proved
+# parts that are looked at for one pair of paths; beyond them nothing is proved
+MAX_PATH_PARTS = 200_000
 PARTS_AT_ONCE = 4_096  # of them in one look
 FINEST_GAP_M = 10 * FINEST_M  # arms that are nearer than this count as meeting
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmPath:
-    """A path (m, all joints) of one arm among the joints of a ground; all other values are 0. A rest has one configuration."""
+    """A path (m, all joints) of one arm among the joints of a ground; all other values are 0.
+
+    A rest has one configuration.
+    """
 
     path: Floats
 
@@ -221,7 +252,9 @@ class ArmPath:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PathParts:
-    """Parts of rectangles: the lines of both paths (n, 2), and where on them the part begins, and how long it is (n, 2)."""
+    """Parts of rectangles: the lines of both paths (n, 2), and where on them the part begins,
+    and how long it is (n, 2).
+    """
 
     lines: Longs
     first: Floats
@@ -231,13 +264,18 @@ class _PathParts:
         return _PathParts(self.lines[rows], self.first[rows], self.share[rows])
 
 
-def arms_may_meet(ground: MotionScene, first: ArmPath, second: ArmPath, margin_m: float = 0.0) -> bool:
-    """Whether it is not proved that two arms stay more than `margin_m` apart, wherever each is on its course.
+def arms_may_meet(
+    ground: MotionScene, first: ArmPath, second: ArmPath, margin_m: float = 0.0
+) -> bool:
+    """Whether it is not proved that two arms stay more than `margin_m` apart, wherever each is on
+    its course.
 
     The ground has the pairs of bodies of the two arms, and no others.
     """
     (begin, direction), (start, ride) = first.lines, second.lines
-    grid = np.stack(np.meshgrid(np.arange(len(begin)), np.arange(len(start)), indexing="ij"), axis=-1)
+    grid = np.stack(
+        np.meshgrid(np.arange(len(begin)), np.arange(len(start)), indexing="ij"), axis=-1
+    )
     lines = grid.reshape(-1, 2)
     waiting, looked = [_PathParts(lines, np.zeros((len(lines), 2)), np.ones((len(lines), 2)))], 0
     while waiting:

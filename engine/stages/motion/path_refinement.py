@@ -1,8 +1,9 @@
 """Shorter paths on demand: the more work, the nearer to the least time that the joints need.
 
-The time of a path is that of its slowest joint on each line, added up. Two things take turns: trees grow anew, within the box
-outside of which no better path can pass (informed sampling, Gammell and others 2014), and the corners of the best path are
-pulled towards the straight line between their neighbours.
+The time of a path is that of its slowest joint on each line, added up. Two things take turns: trees
+grow anew, within the box outside of which no better path can pass (informed sampling, Gammell and
+others 2014), and the corners of the best path are pulled towards the straight line between their
+neighbours.
 """
 
 from dataclasses import dataclass, replace
@@ -32,14 +33,18 @@ MIN_TIME_GAIN = 1e-4  # a gain that counts, as a share of the time
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefinedPath:
-    """The best path, and how its time (s) fell: after so many configurations looked at, it was so long."""
+    """The best path, and how its time (s) fell: after so many configurations looked at, it was
+    so long.
+    """
 
     found: Moved
     course: tuple[tuple[int, float], ...]
 
 
 def path_time_s(path: Floats, speeds: Floats) -> float:
-    """The time (s) of a path (m, k) whose joints have speeds (k,); a joint that stands still has any speed."""
+    """The time (s) of a path (m, k) whose joints have speeds (k,); a joint that stands still
+    has any speed.
+    """
     return float((np.abs(np.diff(path, axis=0)) / speeds).max(axis=1).sum())
 
 
@@ -54,7 +59,9 @@ def refine_path(
     least = (np.abs(query.goals - query.start) / speeds).max(axis=1)
     while lines.looked < work and least.min() < path_time_s(best, speeds) * (1.0 - MIN_TIME_GAIN):
         seed += 1
-        nearer = replace(query, goals=np.ascontiguousarray(query.goals[least < path_time_s(best, speeds)]))
+        nearer = replace(
+            query, goals=np.ascontiguousarray(query.goals[least < path_time_s(best, speeds)])
+        )
         another = _plan_anew(ground, lines, nearer, (best, speeds), seed, work)
         if another is None:
             continue
@@ -64,7 +71,9 @@ def refine_path(
             course.append((int(lines.looked), path_time_s(best, speeds)))
     goal = int(np.argmin(np.abs(query.goals - best[-1]).max(axis=1)))
     looked = first.looked + int(lines.looked)
-    return RefinedPath(replace(first, path=best, goal=goal, looked=looked, proved=False), tuple(course))
+    return RefinedPath(
+        replace(first, path=best, goal=goal, looked=looked, proved=False), tuple(course)
+    )
 
 
 def _plan_anew(
@@ -84,7 +93,13 @@ def _plan_anew(
     low = np.maximum(low, np.minimum((middle - half).min(axis=0), ends.min(axis=0)))
     high = np.minimum(high, np.maximum((middle + half).max(axis=0), ends.max(axis=0)))
     trees = Trees(
-        query.start[None], query.goals, low, high, seed_shift(seed, len(low)), MAX_BRANCH, MAX_TREE_NODES
+        query.start[None],
+        query.goals,
+        low,
+        high,
+        seed_shift(seed, len(low)),
+        MAX_BRANCH,
+        MAX_TREE_NODES,
     )
     until = min(work, int(lines.looked) + max(2000, int(MAX_TREE_WORK_SHARE * work)))
     if not connect(trees, lines, until):
@@ -95,7 +110,9 @@ def _plan_anew(
 
 
 def _pull_corners(lines: Edges, path: Floats, speeds: Floats, work: int) -> Floats:
-    """The path with each corner pulled as far as its lines stay free, and new corners beside sharp ones."""
+    """The path with each corner pulled as far as its lines stay free, and new corners beside
+    sharp ones.
+    """
     for _ in range(CORNER_SWEEPS):
         before = path_time_s(path, speeds)
         if len(path) < 3 or lines.looked >= work:
@@ -123,7 +140,9 @@ def _pull_corner(lines: Edges, path: Floats, n: int, speeds: Floats) -> tuple[Fl
     for pull in CORNER_PULLS:
         moved_corner = corner + pull * (straight - corner)
         part = np.array([before, moved_corner, after])
-        if path_time_s(part, speeds) < sum(ways) * (1.0 - MIN_TIME_GAIN) and _lines_free(lines, part):
+        if path_time_s(part, speeds) < sum(ways) * (1.0 - MIN_TIME_GAIN) and _lines_free(
+            lines, part
+        ):
             changed = path.copy()
             changed[n] = moved_corner
             return changed, n + 1
@@ -161,9 +180,13 @@ def _lines_free(lines: Edges, path: Floats) -> bool:
 def refine_and_prove(
     ground: MotionScene, query: PathQuery, first: Moved, speeds: Floats, work: int
 ) -> RefinedPath:
-    """The same with a proof: the path keeps a little off, and the first path stays where the better one cannot be proved."""
+    """The same with a proof: the path keeps a little off, and the first path stays where the
+    better one cannot be proved.
+    """
     wider = query.margin_m + min(WIDER_M, 0.5 * spare_margin_at_ends(ground, query))
-    refinement = refine_path(ground, replace(query, step=query.step / 2, margin_m=wider), first, speeds, work)
+    refinement = refine_path(
+        ground, replace(query, step=query.step / 2, margin_m=wider), first, speeds, work
+    )
     if path_time_s(refinement.found.path, speeds) >= path_time_s(first.path, speeds):
         return replace(refinement, found=first)
     proved_path = prove_moved(ground, replace(refinement.found, cleared_m=wider), query.margin_m)

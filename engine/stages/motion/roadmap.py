@@ -1,7 +1,8 @@
 """Roadmaps: configurations and proved lines between them, kept over motions and world changes.
 
-Travel times between many pairs are read from it. No path is quicker than the straight line would be if nothing were in the
-way, and the route on the roadmap can be driven, so the true time is between these two.
+Travel times between many pairs are read from it. No path is quicker than the straight line would be
+if nothing were in the way, and the route on the roadmap can be driven, so the true time is between
+these two.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -15,21 +16,30 @@ from cellwright.engine.kernels.geometry.edges import free_edges
 from cellwright.engine.kernels.geometry.proof import proved as proved_lines
 from cellwright.engine.kernels.linear import norm
 from cellwright.engine.kernels.motion.shorten import Route, shorten
-from cellwright.engine.model.motion_values import FINEST_M, Answer, Moved, PathQuery, RefusedQuery, Strategy
+from cellwright.engine.model.motion_values import (
+    FINEST_M,
+    Answer,
+    Moved,
+    PathQuery,
+    RefusedQuery,
+    Strategy,
+)
 from cellwright.engine.ports import MotionScene, MovingHand
 from cellwright.engine.stages.motion.path_planner import plan_path, try_path
 from cellwright.engine.stages.motion.path_proofs import prove_moved
 from cellwright.engine.stages.motion.timed_paths import JointLimits, least_times
 
 ROADMAP_CORES = 2
-ROUTE_DETOUR_FACTOR = 1.5  # a route that takes so many times the least time is planned for by itself
+# a route that takes so many times the least time is planned for by itself
+ROUTE_DETOUR_FACTOR = 1.5
 LINES_AT_ONCE = 512
 PAIR_BUDGET = 50_000  # configurations looked at for a pair that has no good route
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Roadmap:
-    """Configurations (n, k), edges (e, 2) between them, and which are proved to be free (e,), with a margin.
+    """Configurations (n, k), edges (e, 2) between them, and which are proved to be free (e,), with
+    a margin.
 
     They are looked at every `step` first. An edge that cannot be proved counts as blocked.
     """
@@ -43,7 +53,8 @@ class Roadmap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TravelTimes:
-    """Times (s) for pairs (p, 2): that of a route that is proved to be free, infinite where none is known, and the least that any can take.
+    """Times (s) for pairs (p, 2): that of a route that is proved to be free, infinite where none is
+    known, and the least that any can take.
 
     `planned` of them had to be planned for one by one. `routes` are the nodes on the way of each.
     """
@@ -55,18 +66,26 @@ class TravelTimes:
     planned: int
 
     def error(self) -> float:
-        """By how much the times may be too long, in all, as a share of them; of pairs that have a route."""
+        """By how much the times may be too long, in all, as a share of them; of pairs that have
+        a route.
+        """
         finite = np.isfinite(self.time_s)
         whole = float(self.time_s[finite].sum())
         return float((self.time_s - self.least_s)[finite].sum()) / whole if whole else 0.0
 
 
 def nearest_node_pairs(nodes: Floats, limits: JointLimits, count: int) -> Longs:
-    """The pairs (p, 2) of nodes (n, k) that are among the `count` nearest of one of them, in time; the lesser number first."""
+    """The pairs (p, 2) of nodes (n, k) that are among the `count` nearest of one of them, in
+    time; the lesser number first.
+    """
     from scipy.spatial import cKDTree
 
     scaled = nodes / limits.speed
-    nearest = cKDTree(scaled).query(scaled, k=min(count + 1, len(nodes)), p=np.inf)[1].reshape(len(nodes), -1)
+    nearest = (
+        cKDTree(scaled)
+        .query(scaled, k=min(count + 1, len(nodes)), p=np.inf)[1]
+        .reshape(len(nodes), -1)
+    )
     first = np.repeat(np.arange(len(nodes)), nearest.shape[1])
     pairs = np.sort(np.stack([first, nearest.ravel()], axis=1), axis=1)
     unique: Longs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).astype(np.int64)
@@ -77,10 +96,14 @@ def map_nodes(
     ground: MotionScene, nodes: Floats, edges: Longs, step: float = 1 / 32, margin_m: float = 0.0
 ) -> Roadmap:
     """The roadmap of nodes (n, k), each edge (e, 2) looked at whole, and proved."""
-    return Roadmap(nodes, edges, _proved_edges(ground, nodes, edges, step, margin_m), step, margin_m)
+    return Roadmap(
+        nodes, edges, _proved_edges(ground, nodes, edges, step, margin_m), step, margin_m
+    )
 
 
-def _proved_edges(ground: MotionScene, nodes: Floats, edges: Longs, step: float, margin_m: float) -> Truths:
+def _proved_edges(
+    ground: MotionScene, nodes: Floats, edges: Longs, step: float, margin_m: float
+) -> Truths:
     """Which edges (e,) are proved to be free."""
     free = _free_edges(ground, nodes, edges, step, margin_m)
     proof = ground.proof(margin_m, FINEST_M)
@@ -89,8 +112,12 @@ def _proved_edges(ground: MotionScene, nodes: Floats, edges: Longs, step: float,
     return free
 
 
-def _free_edges(ground: MotionScene, nodes: Floats, edges: Longs, step: float, margin_m: float) -> Truths:
-    """Which edges (e,) are free; the answers do not depend on how they are shared out among the cores."""
+def _free_edges(
+    ground: MotionScene, nodes: Floats, edges: Longs, step: float, margin_m: float
+) -> Truths:
+    """Which edges (e,) are free; the answers do not depend on how they are shared out among the
+    cores.
+    """
 
     def look(rows: Longs) -> Truths:
         out = np.zeros(len(rows), dtype=np.uint8)
@@ -107,8 +134,12 @@ def _free_edges(ground: MotionScene, nodes: Floats, edges: Longs, step: float, m
     return np.concatenate([np.zeros(0, dtype=bool), *answers])
 
 
-def repair_roadmap(roadmap: Roadmap, before: MotionScene, ground: MotionScene) -> tuple[Roadmap, int]:
-    """The roadmap that held on the ground `before`, for `ground`; and how many edges had to be looked at again."""
+def repair_roadmap(
+    roadmap: Roadmap, before: MotionScene, ground: MotionScene
+) -> tuple[Roadmap, int]:
+    """The roadmap that held on the ground `before`, for `ground`; and how many edges had to be
+    looked at again.
+    """
     touched = stale_edges(roadmap, before, ground)
     free = roadmap.free.copy()
     free[touched] = _proved_edges(
@@ -118,7 +149,8 @@ def repair_roadmap(roadmap: Roadmap, before: MotionScene, ground: MotionScene) -
 
 
 def stale_edges(roadmap: Roadmap, before: MotionScene, ground: MotionScene) -> Truths:
-    """Which edges (e,) come near what is not the same on two grounds; all others are free on both, or on none.
+    """Which edges (e,) come near what is not the same on two grounds; all others are free on both,
+    or on none.
 
     Where the joints differ, all edges count as near.
     """
@@ -130,8 +162,13 @@ def stale_edges(roadmap: Roadmap, before: MotionScene, ground: MotionScene) -> T
 
 
 def _farthest_travel(ground: MotionScene, step: float) -> float:
-    """How far (m) any point moves at most on a line of this length (rad, m) in the space of the joints."""
-    none, joint_steps = np.zeros(ground.scene.joints.count), np.diag(np.full(ground.scene.joints.count, step))
+    """How far (m) any point moves at most on a line of this length (rad, m) in the space of the
+    joints.
+    """
+    none, joint_steps = (
+        np.zeros(ground.scene.joints.count),
+        np.diag(np.full(ground.scene.joints.count, step)),
+    )
     return norm(np.array([ground.travel(none, joint_step) for joint_step in joint_steps]))
 
 
@@ -145,7 +182,8 @@ def travel_times(
 ) -> tuple[TravelTimes, Roadmap]:
     """The times of pairs (p, 2), and the roadmap with what had to be planned for them.
 
-    The arm rests at each node of a route. Pairs without a good route are planned for by themselves, with a `budget` each.
+    The arm rests at each node of a route. Pairs without a good route are planned for by themselves,
+    with a `budget` each.
     """
     ends = [roadmap.nodes[pairs[:, side]] for side in range(2)]
     least = least_times(ends[0][:, own], ends[1][:, own], limits)
@@ -174,7 +212,9 @@ def travel_times(
 
 
 def _add_path(roadmap: Roadmap, pair: Longs, path: Floats) -> tuple[Roadmap, tuple[int, ...]]:
-    """The roadmap with the inner configurations of a free path (m, k) between two of its nodes, and the route."""
+    """The roadmap with the inner configurations of a free path (m, k) between two of its nodes,
+    and the route.
+    """
     count = len(roadmap.nodes)
     route = (int(pair[0]), *range(count, count + len(path) - 2), int(pair[1]))
     edges = np.sort(np.array([route[:-1], route[1:]], dtype=np.int64).T, axis=1)
@@ -190,12 +230,16 @@ def _add_path(roadmap: Roadmap, pair: Longs, path: Floats) -> tuple[Roadmap, tup
 def _quickest_routes(
     roadmap: Roadmap, pairs: Longs, limits: JointLimits, own: slice
 ) -> tuple[Floats, list[tuple[int, ...]]]:
-    """The times (p,) of the quickest routes over free edges, and their nodes; straight ones where the edge itself is free."""
+    """The times (p,) of the quickest routes over free edges, and their nodes; straight ones
+    where the edge itself is free.
+    """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import dijkstra
 
     edges = roadmap.edges[roadmap.free]
-    takes = least_times(roadmap.nodes[edges[:, 0]][:, own], roadmap.nodes[edges[:, 1]][:, own], limits)
+    takes = least_times(
+        roadmap.nodes[edges[:, 0]][:, own], roadmap.nodes[edges[:, 1]][:, own], limits
+    )
     direct = {(int(a), int(b)): float(t) for (a, b), t in zip(edges, takes, strict=True)}
     keys = [(int(min(pair)), int(max(pair))) for pair in pairs]
     time = np.array([direct.get(key, np.inf) for key in keys])
@@ -227,15 +271,18 @@ def nodes_up_to(before: Longs, node: int) -> tuple[int, ...]:
 
 NEAREST_NODES = 12  # nodes that an end is joined to, the nearest first
 MAX_ROUTES = 40  # routes that are looked at for one motion
-MAX_ROADMAP_NODES = 600  # nodes of one roadmap: when there are more, the older half of them is forgotten
-PLANNER_FIRST_BUDGET = 20_000  # configurations that the planner looks at before the roadmap is asked
+# nodes of one roadmap: when there are more, the older half of them is forgotten
+MAX_ROADMAP_NODES = 600
+# configurations that the planner looks at before the roadmap is asked
+PLANNER_FIRST_BUDGET = 20_000
 
 
 @dataclass(slots=True)
 class MotionWork:
     """How motions were found: by the planner soon, by the roadmap, or by the planner after all.
 
-    So many edges were `seen`, which is looked at and proved, and so many were `kept` as they were when the world had changed.
+    So many edges were `seen`, which is looked at and proved, and so many were `kept` as they were
+    when the world had changed.
     """
 
     soon: int = 0
@@ -247,7 +294,8 @@ class MotionWork:
 
 @dataclass(slots=True, eq=False)
 class _KnownRoadmap:
-    """A roadmap on a ground. Whether an `unseen` edge (e,) is free there is not known yet; all others are as the roadmap says.
+    """A roadmap on a ground. Whether an `unseen` edge (e,) is free there is not known yet; all
+    others are as the roadmap says.
 
     `later` are paths that were found on this and other grounds since.
     """
@@ -260,9 +308,11 @@ class _KnownRoadmap:
 
 @dataclass(eq=False)
 class KeptRoadmaps:
-    """The roadmaps of the arms of a cell. Each belongs to one stand of an arm, and to the values of the joints that rest.
+    """The roadmaps of the arms of a cell. Each belongs to one stand of an arm, and to the values of
+    the joints that rest.
 
-    The planner looks at `soon` configurations before a roadmap is asked. A roadmap has at most `most` nodes.
+    The planner looks at `soon` configurations before a roadmap is asked. A roadmap has at most
+    `most` nodes.
     """
 
     soon: int = PLANNER_FIRST_BUDGET
@@ -271,7 +321,10 @@ class KeptRoadmaps:
     _known: dict[bytes, _KnownRoadmap] = field(default_factory=dict)
 
     def plan(self, ground: MotionScene, query: PathQuery, hand: MovingHand | None = None) -> Answer:
-        """As the planner answers. The path may be another one, as it may go where earlier motions went."""
+        """As the planner answers.
+
+        The path may be another one, as it may go where earlier motions went.
+        """
         if query.strategy is not Strategy.CONNECT or query.upright_rad > 0.0 or not query.proved:
             return plan_path(ground, query, hand)
         answer = self._planned(ground, query, hand)
@@ -301,7 +354,9 @@ class KeptRoadmaps:
         return self._known[key]
 
     def _repaired(self, ground: MotionScene, query: PathQuery) -> _KnownRoadmap:
-        """What is known on a ground now: edges near what has changed, and those of new paths, are unseen."""
+        """What is known on a ground now: edges near what has changed, and those of new paths,
+        are unseen.
+        """
         known_roadmap = self._at(ground, query)
         if known_roadmap.ground is not ground:
             near = stale_edges(known_roadmap.roadmap, known_roadmap.ground, ground)
@@ -315,7 +370,9 @@ class KeptRoadmaps:
         return known_roadmap
 
     def roadmap(self, ground: MotionScene, query: PathQuery) -> Roadmap:
-        """The roadmap for where the arm stands, with all that was found so far, each edge as it is on a ground now."""
+        """The roadmap for where the arm stands, with all that was found so far, each edge as it
+        is on a ground now.
+        """
         known_roadmap = self._repaired(ground, query)
         self._see(known_roadmap, np.nonzero(known_roadmap.unseen)[0])
         return known_roadmap.roadmap
@@ -328,7 +385,11 @@ class KeptRoadmaps:
             known_roadmap.unseen.copy(),
         )
         seen = map_nodes(
-            known_roadmap.ground, roadmap.nodes, roadmap.edges[edges], roadmap.step, roadmap.margin_m
+            known_roadmap.ground,
+            roadmap.nodes,
+            roadmap.edges[edges],
+            roadmap.step,
+            roadmap.margin_m,
         )
         free[edges], unseen[edges] = seen.free, False
         known_roadmap.roadmap, known_roadmap.unseen = replace(roadmap, free=free), unseen
@@ -352,7 +413,9 @@ class KeptRoadmaps:
         return prove_moved(ground, moved, query.margin_m)
 
     def _route(self, known_roadmap: _KnownRoadmap, query: PathQuery) -> Floats | None:
-        """The shortest route (m, k) from the start to a goal; edges and joins are looked at when a route needs them."""
+        """The shortest route (m, k) from the start to a goal; edges and joins are looked at
+        when a route needs them.
+        """
         count = len(known_roadmap.roadmap.nodes)
         if not count:
             return None
@@ -373,7 +436,9 @@ class KeptRoadmaps:
 
 
 def _stand_key(ground: MotionScene, query: PathQuery) -> bytes:
-    """What must be equal for a roadmap to serve: the joints, those that rest, the step and the margin."""
+    """What must be equal for a roadmap to serve: the joints, those that rest, the step and the
+    margin.
+    """
     joints = ground.scene.joints
     still = np.ones(joints.count, dtype=bool)
     still[list(query.moving or range(joints.count))] = False
@@ -382,7 +447,9 @@ def _stand_key(ground: MotionScene, query: PathQuery) -> bytes:
     return b"".join(part.tobytes() for part in parts)
 
 
-def _with_paths(roadmap: Roadmap, unseen: Truths, paths: list[Floats], most: int) -> tuple[Roadmap, Truths]:
+def _with_paths(
+    roadmap: Roadmap, unseen: Truths, paths: list[Floats], most: int
+) -> tuple[Roadmap, Truths]:
     """The roadmap with paths (m, k), whose edges are unseen; of too many nodes the latest."""
     number = {node.tobytes(): n for n, node in enumerate(roadmap.nodes)}
     nodes, known_edges = list(roadmap.nodes), {tuple(pair) for pair in roadmap.edges.tolist()}
@@ -405,7 +472,9 @@ def _with_paths(roadmap: Roadmap, unseen: Truths, paths: list[Floats], most: int
     return pruned, unseen[is_new]
 
 
-def _with_edges(roadmap: Roadmap, unseen: Truths, edges: list[tuple[int, int]]) -> tuple[Roadmap, Truths]:
+def _with_edges(
+    roadmap: Roadmap, unseen: Truths, edges: list[tuple[int, int]]
+) -> tuple[Roadmap, Truths]:
     """The roadmap with edges that are unseen."""
     more = np.array(edges, dtype=np.int64).reshape(-1, 2)
     grown = replace(
@@ -417,7 +486,9 @@ def _with_edges(roadmap: Roadmap, unseen: Truths, edges: list[tuple[int, int]]) 
 
 
 def _join_ends(known_roadmap: _KnownRoadmap, query: PathQuery) -> _KnownRoadmap:
-    """What is known, with the start and then the goals behind the nodes, joined to the nearest of them by edges that are unseen."""
+    """What is known, with the start and then the goals behind the nodes, joined to the nearest
+    of them by edges that are unseen.
+    """
     nodes, ends = known_roadmap.roadmap.nodes, np.vstack([query.start[None], query.goals])
     joins = []
     for end, q in enumerate(ends, len(nodes)):
@@ -434,7 +505,9 @@ def _edge_numbers(roadmap: Roadmap, route: tuple[int, ...]) -> Longs:
 
 
 def _shortest_route(roadmap: Roadmap, open_: Truths, start: int) -> tuple[int, ...] | None:
-    """The nodes of the shortest route over open edges from `start` to any node behind it; None if there is none."""
+    """The nodes of the shortest route over open edges from `start` to any node behind it; None
+    if there is none.
+    """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import dijkstra
 

@@ -1,7 +1,8 @@
 """Paths in time within speed, acceleration and jerk: with a rest at each corner, or smoothed.
 
-The arm stays exactly on the path, so what is proved for the path holds. It therefore rests at each corner. On a line all joints
-move in proportion, and the least time from rest to rest has a closed form of seven phases (Biagiotti & Melchiorri 2008, 3.4).
+The arm stays exactly on the path, so what is proved for the path holds. It therefore rests at each
+corner. On a line all joints move in proportion, and the least time from rest to rest has a closed
+form of seven phases (Biagiotti & Melchiorri 2008, 3.4).
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,9 @@ STILL_LINE = 1e-12  # rad or m: a line so short takes no time
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointLimits:
-    """What each joint can do (k,): speed per second, acceleration per second squared, jerk per second cubed."""
+    """What each joint can do (k,): speed per second, acceleration per second squared, jerk per
+    second cubed.
+    """
 
     speed: Floats
     acceleration: Floats
@@ -31,8 +34,8 @@ class JointLimits:
 class Trajectory:
     """A path (m, k) in time: its corners are reached at `corners_s` (m,).
 
-    `phases_s` (m - 1, 7) are the durations of the phases of each line, and `jerks` (m - 1,) the greatest jerk of the share of
-    the line that is done.
+    `phases_s` (m - 1, 7) are the durations of the phases of each line, and `jerks` (m - 1,) the
+    greatest jerk of the share of the line that is done.
     """
 
     path: Floats
@@ -41,17 +44,27 @@ class Trajectory:
     jerks: Floats
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Configurations, speeds and accelerations (n, k) at times (n,); before the start and after the end it rests."""
+        """Configurations, speeds and accelerations (n, k) at times (n,); before the start and
+        after the end it rests.
+        """
         count, shape = len(self.path) - 1, (len(times_s), self.path.shape[1])
         if not count:
             return np.repeat(self.path, len(times_s), axis=0), np.zeros(shape), np.zeros(shape)
         line = np.clip(np.searchsorted(self.corners_s, times_s, side="right") - 1, 0, count - 1)
-        share = np.array([self._share(n, t) for n, t in zip(line, times_s, strict=True)]).reshape(-1, 3)
+        share = np.array([self._share(n, t) for n, t in zip(line, times_s, strict=True)]).reshape(
+            -1, 3
+        )
         direction = (self.path[1:] - self.path[:-1])[line]
-        return self.path[line] + share[:, :1] * direction, share[:, 1:2] * direction, share[:, 2:] * direction
+        return (
+            self.path[line] + share[:, :1] * direction,
+            share[:, 1:2] * direction,
+            share[:, 2:] * direction,
+        )
 
     def _share(self, n: int, t: float) -> tuple[float, float, float]:
-        """How much of line `n` is done at a time, how fast that grows, and how fast this changes."""
+        """How much of line `n` is done at a time, how fast that grows, and how fast this
+        changes.
+        """
         remaining, done, speed, change = (
             float(np.clip(t, *self.corners_s[n : n + 2]) - self.corners_s[n]),
             0.0,
@@ -73,7 +86,9 @@ def fastest_trajectory(path: Floats, limits: JointLimits) -> Trajectory:
         raise ValueError("speed, acceleration and jerk must be above 0")
     phases, jerks = [np.zeros((0, 7))], []
     for turns in np.abs(np.diff(path, axis=0)):
-        most = [_share_limit(limit, turns) for limit in (limits.speed, limits.acceleration, limits.jerk)]
+        most = [
+            _share_limit(limit, turns) for limit in (limits.speed, limits.acceleration, limits.jerk)
+        ]
         phases.append(np.array([_jerk_phases(*most)]))
         jerks.append(most[2] if np.isfinite(most[2]) else 0.0)
     lasts = np.concatenate(phases)
@@ -117,7 +132,9 @@ def least_times(first: Floats, second: Floats, limits: JointLimits) -> Floats:
             for limit in (limits.speed, limits.acceleration, limits.jerk)
         )
     moves = np.isfinite(speed)
-    speed, acceleration, jerk = (np.where(moves, limit, 1.0) for limit in (speed, acceleration, jerk))
+    speed, acceleration, jerk = (
+        np.where(moves, limit, 1.0) for limit in (speed, acceleration, jerk)
+    )
     full = speed * jerk >= acceleration**2
     gains = np.where(full, acceleration / jerk + speed / acceleration, 2 * np.sqrt(speed / jerk))
     cruises = (1.0 - speed * gains) / speed
@@ -137,7 +154,9 @@ WAIT_SHARES = np.array([0.0, 0.34, 0.67, 1.0])  # shares of both windows: at 1 t
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EvenPath:
-    """A path (m, k) gone through evenly: `knots_s` (n,) are the times of its `points` (n, k), a corner at which the arm waits twice."""
+    """A path (m, k) gone through evenly: `knots_s` (n,) are the times of its `points` (n, k), a
+    corner at which the arm waits twice.
+    """
 
     points: Floats
     knots_s: Floats
@@ -164,7 +183,9 @@ class SmoothedPath:
 
     @property
     def corners_s(self) -> Floats:
-        """When each configuration of the path is passed (m,); the first and the last are where the arm rests."""
+        """When each configuration of the path is passed (m,); the first and the last are where
+        the arm rests.
+        """
         corners: Floats = self.even.knots_s[self.even.corners] + self.window_s / 2
         corners[0], corners[-1] = 0.0, self.duration_s
         return corners
@@ -174,13 +195,17 @@ class SmoothedPath:
         """The first and second integral over time (n, k) at the knots."""
         points, knots = self.even.points, self.even.knots_s
         lasts = np.diff(knots)[:, None]
-        once = np.vstack([0 * points[:1], np.cumsum(lasts * (points[1:] + points[:-1]) / 2, axis=0)])
+        once = np.vstack(
+            [0 * points[:1], np.cumsum(lasts * (points[1:] + points[:-1]) / 2, axis=0)]
+        )
         slopes = (points[1:] - points[:-1]) / np.where(lasts > 0.0, lasts, 1.0)
         parts = lasts * once[:-1] + lasts**2 * points[:-1] / 2 + lasts**3 * slopes / 6
         return once, np.vstack([0 * points[:1], np.cumsum(parts, axis=0)])
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Configurations, speeds and accelerations (n, k) at times (n,); before the start and after the end it rests."""
+        """Configurations, speeds and accelerations (n, k) at times (n,); before the start and
+        after the end it rests.
+        """
         late = (0.0, self.rise_s, self.jerk_s, self.window_s)
         parts = [self._integrals(times_s - delay) for delay in late]
         area = self.rise_s * self.jerk_s
@@ -188,7 +213,9 @@ class SmoothedPath:
         return values[2], values[1], values[0]
 
     def _integrals(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """The even motion, and its first and second integral (n, k), at times (n,); it rests beyond its ends."""
+        """The even motion, and its first and second integral (n, k), at times (n,); it rests
+        beyond its ends.
+        """
         knots, points = self.even.knots_s, self.even.points
         once, twice = self._sums
         n = np.clip(np.searchsorted(knots, times_s, side="right") - 1, 0, max(len(knots) - 2, 0))
@@ -204,7 +231,9 @@ class SmoothedPath:
 
 
 def even_path(path: Floats, limits: JointLimits, waits_s: Floats, slower: Floats) -> EvenPath:
-    """A path (m, k) gone through evenly, each line (m - 1,) so much slower than the joints could, with waits at corners (m,)."""
+    """A path (m, k) gone through evenly, each line (m - 1,) so much slower than the joints
+    could, with waits at corners (m,).
+    """
     least = (np.abs(np.diff(path, axis=0)) / limits.speed).max(axis=1, initial=0.0) * slower
     points, knots, corners = [path[0]], [0.0], [0]
     for n, lasts in enumerate(least):
@@ -218,7 +247,9 @@ def even_path(path: Floats, limits: JointLimits, waits_s: Floats, slower: Floats
 
 
 def smooth_path(path: Floats, limits: JointLimits, waits: Floats, slower: Floats) -> SmoothedPath:
-    """The smooth motion on a path (m, k), with waits (m,) at the corners, in shares of both windows."""
+    """The smooth motion on a path (m, k), with waits (m,) at the corners, in shares of both
+    windows.
+    """
     lasts = (np.abs(np.diff(path, axis=0)) / limits.speed).max(axis=1, initial=0.0) * slower
     moves = lasts > STILL_LINE
     speeds = np.zeros((1, path.shape[1]))
@@ -227,7 +258,11 @@ def smooth_path(path: Floats, limits: JointLimits, waits: Floats, slower: Floats
     most, least = speeds.max(axis=0).clip(min=0.0), speeds.min(axis=0).clip(max=0.0)
     rise = float(((most - least) / limits.acceleration).max())
     jerk = float(
-        (2.0 * np.minimum(limits.acceleration, (most - least) / max(rise, STILL_LINE)) / limits.jerk).max()
+        (
+            2.0
+            * np.minimum(limits.acceleration, (most - least) / max(rise, STILL_LINE))
+            / limits.jerk
+        ).max()
     )
     rise, jerk = max(rise, 1e-6), max(jerk, 1e-6)
     return SmoothedPath(even_path(path, limits, waits * (rise + jerk), slower), rise, jerk)
@@ -235,9 +270,11 @@ def smooth_path(path: Floats, limits: JointLimits, waits: Floats, slower: Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionTube:
-    """What a motion must keep: more than `margin_m` on a ground, proved on stretches down to `finest_m`.
+    """What a motion must keep: more than `margin_m` on a ground, proved on stretches down to
+    `finest_m`.
 
-    The pairs of `meeting`, which may touch, overlap by no more than `depth_m`. With `level`, what is in hand stays upright.
+    The pairs of `meeting`, which may touch, overlap by no more than `depth_m`. With `level`, what
+    is in hand stays upright.
     """
 
     ground: MotionScene
@@ -248,7 +285,9 @@ class MotionTube:
     level: UprightLevel | None = None
 
     def left(self, chords: Floats, stray_m: float) -> Truths:
-        """Where a motion that is at most so far from its chords (n, k) is not proved to keep all this (n - 1,)."""
+        """Where a motion that is at most so far from its chords (n, k) is not proved to keep
+        all this (n - 1,).
+        """
         is_unproved = unproved_lines(self.ground, chords, self.margin_m + stray_m, self.finest_m)
         if self.meeting is not None:
             is_unproved |= lines_too_deep(self.meeting, chords, self.depth_m, stray_m)
@@ -260,10 +299,11 @@ class MotionTube:
 def certify_smooth_path(
     tube: MotionTube, path: Floats, limits: JointLimits, own: slice, slower: Floats
 ) -> tuple[SmoothedPath, bool]:
-    """The smooth motion on a path (m, all joints) that is proved to stay in a tube, and whether it is.
+    """The smooth motion on a path (m, all joints) that is proved to stay in a tube, and whether it
+    is.
 
-    The arm's joints are `own`; each line takes so many times (m - 1,) as long as the joints need. If no other does, the motion
-    that rests at each corner stays on the path.
+    The arm's joints are `own`; each line takes so many times (m - 1,) as long as the joints need.
+    If no other does, the motion that rests at each corner stays on the path.
     """
     levels = np.zeros(len(path), dtype=np.int64)
     for _ in range(SMOOTHING_ROUNDS):
@@ -297,7 +337,9 @@ def _chord_times(
     return np.linspace(0.0, smooth.duration_s, max(2, int(np.ceil(smooth.duration_s / step)) + 1))
 
 
-def _chord_stray(ground: MotionScene, limits: JointLimits, like: Floats, own: slice, times: Floats) -> float:
+def _chord_stray(
+    ground: MotionScene, limits: JointLimits, like: Floats, own: slice, times: Floats
+) -> float:
     """How far (m) any point can be from where it is on the chords."""
     lasts = float(times[1] - times[0])
     swing = _all_joints(np.zeros_like(like), own, limits.acceleration[None])[0]

@@ -1,8 +1,8 @@
 """Paths on which what is in hand stays upright: it may turn about the vertical and tilt a little.
 
-Trees grow as in RRT-Connect, but each step is brought back to where nothing is tilted, by inverse kinematics (a projection, as
-in Berenson and others 2009). Between two such configurations the tilt is at most half of what the joints turn in all, so steps
-are as short as the tilt that is allowed.
+Trees grow as in RRT-Connect, but each step is brought back to where nothing is tilted, by inverse
+kinematics (a projection, as in Berenson and others 2009). Between two such configurations the tilt
+is at most half of what the joints turn in all, so steps are as short as the tilt that is allowed.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,9 @@ ASTRAY_RAD = 0.5  # rad: a step that ends so far from where it was meant to is g
 MAX_UPRIGHT_SAMPLES, MAX_UPRIGHT_NODES, MAX_UPRIGHT_CUTS = 300, 6000, 60
 MIN_CUT_STEPS = 2.0  # the least share of a way that a short cut must span, in steps
 NO_UPRIGHT_WAY = "the arm finds no way on which what is in hand stays upright"
-TILTED_GOAL = "what is in hand is tilted by {:.1f} degrees at the goal, more than the {:.1f} that are allowed"
+TILTED_GOAL = (
+    "what is in hand is tilted by {:.1f} degrees at the goal, more than the {:.1f} that are allowed"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,13 +48,17 @@ class UprightLevel:
         return angles_of(np.sqrt((1.0 - height) * (1.0 + height)), height)
 
     def holds(self, path: Floats, joints: Joints) -> Truths:
-        """Whether it stays upright everywhere on each line of a path (m, k): (m - 1,), true only where that is certain."""
+        """Whether it stays upright everywhere on each line of a path (m, k): (m - 1,), true
+        only where that is certain.
+        """
         tilts = self.tilts(path)
         turned = np.abs(np.diff(path, axis=0))[:, ~joints.prismatic].sum(axis=1)
         return np.asarray((tilts[1:] + tilts[:-1] + turned) / 2 <= self.tilt_rad + 1e-9)
 
     def back(self, q: Floats, astray: float = ASTRAY_RAD) -> Floats | None:
-        """The configuration (k,) near one where nothing is tilted, with the hand in the same place."""
+        """The configuration (k,) near one where nothing is tilted, with the hand in the same
+        place.
+        """
         T = self.hand.poses(q[None])[0]
         leaning = matmul(T[:3, :3], self.up)
         T[:3, :3] = matmul(_upright_rotation(leaning), T[:3, :3])
@@ -79,20 +85,26 @@ def _upright_rotation(leaning: Floats) -> Floats:
 class _UprightTrees:
     """Two trees of upright configurations."""
 
-    def __init__(self, ground: MotionScene, lines: Edges, query: PathQuery, level: UprightLevel) -> None:
+    def __init__(
+        self, ground: MotionScene, lines: Edges, query: PathQuery, level: UprightLevel
+    ) -> None:
         self.lines, self.level, self.joints = lines, level, ground.scene.joints
         self.step, self.budget = STEP_SHARE * 2.0 * query.upright_rad, query.budget
         self.nodes = [[query.start], list(query.goals)]
         self.parents = [[-1], [-1] * len(query.goals)]
 
     def towards(self, q: Floats, target: Floats) -> list[Floats]:
-        """Upright configurations after `q` (k,) in steps towards another, as far as that is free; the last may be the target."""
+        """Upright configurations after `q` (k,) in steps towards another, as far as that is
+        free; the last may be the target.
+        """
         path: list[Floats] = []
         while self.lines.looked < self.budget and len(path) < MAX_UPRIGHT_NODES:
             remaining = target - q
             turned = float(np.abs(remaining)[~self.joints.prismatic].sum())
             target_q = (
-                target if turned <= self.step else self.level.back(q + remaining * (0.7 * self.step / turned))
+                target
+                if turned <= self.step
+                else self.level.back(q + remaining * (0.7 * self.step / turned))
             )
             if (
                 target_q is None
@@ -111,7 +123,9 @@ class _UprightTrees:
             return False
         inside = (second >= self.joints.lower - 1e-9) & (second <= self.joints.upper + 1e-9)
         out = np.zeros(1, dtype=np.uint8)
-        free_edges(self.lines, np.ascontiguousarray(first[None]), np.ascontiguousarray(second[None]), out)
+        free_edges(
+            self.lines, np.ascontiguousarray(first[None]), np.ascontiguousarray(second[None]), out
+        )
         return bool(out[0]) and bool(inside.all())
 
     def grow(self, side: int, target: Floats) -> int:
@@ -135,7 +149,9 @@ class _UprightTrees:
 def upright_plan(
     ground: MotionScene, lines: Edges, query: PathQuery, low: Floats, high: Floats, hand: MovingHand
 ) -> tuple[Floats | FailedPath, int]:
-    """The configurations (m, k) of an upright path, and the number of its goal; else why there is none."""
+    """The configurations (m, k) of an upright path, and the number of its goal; else why there
+    is none.
+    """
     level = UprightLevel.at(hand, query.start, query.upright_rad)
     tilts = level.tilts(query.goals)
     level_goals = np.nonzero(tilts <= query.upright_rad)[0]
@@ -148,15 +164,17 @@ def upright_plan(
     growing.parents[1] = [-1] * len(level_goals)
     path = _path_when_met(growing, query, low, high)
     if path is None:
-        return FailedPath(NO_UPRIGHT_WAY, np.array([query.start, query.goals[level_goals[0]]])), int(
-            level_goals[0]
-        )
+        return FailedPath(
+            NO_UPRIGHT_WAY, np.array([query.start, query.goals[level_goals[0]]])
+        ), int(level_goals[0])
     path = _short_cuts(growing, path, query)
     goal = int(np.argmin(np.abs(query.goals - path[-1]).max(axis=1)))
     return path, goal
 
 
-def _path_when_met(growing: _UprightTrees, query: PathQuery, low: Floats, high: Floats) -> Floats | None:
+def _path_when_met(
+    growing: _UprightTrees, query: PathQuery, low: Floats, high: Floats
+) -> Floats | None:
     """The path (m, k) once both trees have met; None if they do not."""
     rng, side = np.random.default_rng(query.seed), 0
     level_goals = range(len(growing.nodes[1]))
@@ -167,7 +185,9 @@ def _path_when_met(growing: _UprightTrees, query: PathQuery, low: Floats, high: 
         ):
             return None
         goals = growing.nodes[1]
-        drawn = growing.level.back(rng.uniform(low, high), np.inf) if n >= len(level_goals) else None
+        drawn = (
+            growing.level.back(rng.uniform(low, high), np.inf) if n >= len(level_goals) else None
+        )
         sample = goals[n] if n < len(level_goals) else drawn
         if sample is None:
             continue

@@ -1,7 +1,8 @@
 """ITA's two-level planner: lines of sight for the hand as a point, then the links.
 
-In space the shortest way touches edges, not corners alone. So a node is where the way from here to the goal over an edge of
-the box in sight is shortest. Nodes are made only where a line is blocked, and A* picks the order.
+In space the shortest way touches edges, not corners alone. So a node is where the way from here to
+the goal over an edge of the box in sight is shortest. Nodes are made only where a line is blocked,
+and A* picks the order.
 """
 
 import heapq
@@ -22,7 +23,12 @@ MAX_SIGHT_NODES = 400  # nodes that are looked at
 MAX_BOXES_IN_SEQUENCE = 3  # boxes in sequence, for one node, that stand before its own nodes
 UNIT_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 BOX_EDGES = np.array(
-    [(a, b) for a in range(8) for b in range(a) if np.abs(UNIT_CORNERS[a] - UNIT_CORNERS[b]).sum() == 2.0]
+    [
+        (a, b)
+        for a in range(8)
+        for b in range(a)
+        if np.abs(UNIT_CORNERS[a] - UNIT_CORNERS[b]).sum() == 2.0
+    ]
 )
 SLACK_M = 1e-3  # nodes keep this far off the grown boxes
 
@@ -53,7 +59,9 @@ class LinesOfSight:
         return int(np.argmin(np.where(hit, enters, np.inf))) if hit.any() else -1
 
     def over_edges(self, box: int, a: Floats, goal: Floats) -> Floats:
-        """For each edge of a box the point (12, 3) over which the way from `a` to the goal is shortest."""
+        """For each edge of a box the point (12, 3) over which the way from `a` to the goal is
+        shortest.
+        """
         corners = self.p[box] + matmul(UNIT_CORNERS * (self.halves[box] + SLACK_M), self.R[box].T)
         first, along = corners[BOX_EDGES[:, 0]], corners[BOX_EDGES[:, 1]] - corners[BOX_EDGES[:, 0]]
         length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
@@ -99,7 +107,9 @@ def lines_of_sight(
 def _nodes_in_sight(
     sights: LinesOfSight, a: Floats, goal: Floats, blocked: int, seen: set[tuple[int, ...]]
 ) -> list[Floats]:
-    """New nodes in sight from a point: on the box that stands in the way, and on those that stand before its nodes."""
+    """New nodes in sight from a point: on the box that stands in the way, and on those that
+    stand before its nodes.
+    """
     nodes: list[Floats] = []
     boxes, looked = [blocked], set()
     for _ in range(MAX_BOXES_IN_SEQUENCE):
@@ -138,10 +148,18 @@ SUB_GOAL_DEPTH = 4  # sub-goals of sub-goals
 ASIDE_M = 0.1, 0.25, 0.5  # how far beside the way sub-goals lie
 MAX_TRIED = 6  # configurations of each place of the hand, and sub-goals of each gap, that are tried
 VISIBILITY_GOALS = 4  # goals that are tried, the nearest first
-NO_SIGHT = "the hand, taken for a point, finds no way among the boxes around what stands in the cell"
+NO_SIGHT = (
+    "the hand, taken for a point, finds no way among the boxes around what stands in the cell"
+)
 NO_LINKS = "the links cannot follow the hand: no sub-goal leads past what is in the way"
 BACK_OFF_DIRECTIONS = np.array(
-    [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)],
+    [
+        (x, y, z)
+        for x in (-1, 0, 1)
+        for y in (-1, 0, 1)
+        for z in (-1, 0, 1)
+        if (x, y, z) != (0, 0, 0)
+    ],
     dtype=float,
 )
 BACK_OFF_DIRECTIONS /= np.linalg.norm(BACK_OFF_DIRECTIONS, axis=1, keepdims=True)
@@ -161,7 +179,9 @@ class _LinksQuery:
     def free(self, first: Floats, second: Floats) -> bool:
         """Whether the straight line between configurations (k,) is free, its ends included."""
         out: Bytes = np.zeros(1, dtype=np.uint8)
-        free_edges(self.lines, np.ascontiguousarray(first[None]), np.ascontiguousarray(second[None]), out)
+        free_edges(
+            self.lines, np.ascontiguousarray(first[None]), np.ascontiguousarray(second[None]), out
+        )
         return bool(out[0])
 
     def spent(self) -> bool:
@@ -172,7 +192,9 @@ class _LinksQuery:
 def visibility_plan(
     ground: MotionScene, lines: Edges, query: PathQuery, low: Floats, high: Floats, hand: MovingHand
 ) -> tuple[Floats | FailedPath, int]:
-    """The configurations (m, k) of a path, and the number of its goal; else what is missing for the nearest goal."""
+    """The configurations (m, k) of a path, and the number of its goal; else what is missing for
+    the nearest goal.
+    """
     asks = _LinksQuery(ground, lines, hand, query, low, high)
     order = np.argsort(np.linalg.norm(query.goals - query.start, axis=1), kind="stable")
     first = None
@@ -202,7 +224,9 @@ def _path_to_goal(asks: _LinksQuery, goal: Floats, room_m: float) -> Floats | Fa
         for pose in T:
             poses = np.repeat(pose[None], len(points), axis=0)
             poses[:, :3, 3] = points
-            is_reached |= np.array([len(q) > 0 for q in asks.hand.reaching(poses, start)], dtype=bool)
+            is_reached |= np.array(
+                [len(q) > 0 for q in asks.hand.reaching(poses, start)], dtype=bool
+            )
         return is_reached
 
     seen = lines_of_sight(sights, ends[0], ends[1], reached)
@@ -212,7 +236,9 @@ def _path_to_goal(asks: _LinksQuery, goal: Floats, room_m: float) -> Floats | Fa
 
 
 def _back_off_hand(sights: LinesOfSight, T: Floats) -> Floats:
-    """The place (3,) of a hand at a pose (4, 4), or the nearest one behind it along its axis that is in no box."""
+    """The place (3,) of a hand at a pose (4, 4), or the nearest one behind it along its axis
+    that is in no box.
+    """
     for back in np.linspace(0.0, BACK_OFF_M, 25):
         point: Floats = T[:3, 3] - back * T[:3, 2]
         if not sights.inside(point).any():
@@ -222,7 +248,9 @@ def _back_off_hand(sights: LinesOfSight, T: Floats) -> Floats:
 
 
 def _poses_on_way(T: Floats, seen: Floats) -> Floats:
-    """Poses (m, 4, 4) of the hand at the nodes (m, 3) of its way; it turns evenly from the first pose to the last."""
+    """Poses (m, 4, 4) of the hand at the nodes (m, 3) of its way; it turns evenly from the
+    first pose to the last.
+    """
     from scipy.spatial.transform import Rotation, Slerp
 
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(seen, axis=0), axis=1)))
@@ -234,15 +262,22 @@ def _poses_on_way(T: Floats, seen: Floats) -> Floats:
 
 
 def _follow_hand(asks: _LinksQuery, poses: Floats, goal: Floats) -> Floats | FailedPath:
-    """Configurations along the hand's way, joined one after another; those nearest to the last one are tried first."""
+    """Configurations along the hand's way, joined one after another; those nearest to the last
+    one are tried first.
+    """
     path, missing = [asks.query.start], asks.query.start
     choices = [*asks.hand.reaching(poses, asks.query.start), goal[None]]
     for following in choices:
         following = following[~asks.ground.collides(following)] if len(following) else following
-        near = following[np.argsort(np.abs(following - path[-1]).max(axis=1), kind="stable")][:MAX_TRIED]
+        near = following[np.argsort(np.abs(following - path[-1]).max(axis=1), kind="stable")][
+            :MAX_TRIED
+        ]
         for q in near:
             joined = _join_configurations(
-                asks, path[-1], q, SUB_GOAL_DEPTH if following is choices[-1] or len(near) == 1 else 1
+                asks,
+                path[-1],
+                q,
+                SUB_GOAL_DEPTH if following is choices[-1] or len(near) == 1 else 1,
             )
             if joined is not None:
                 path += joined
@@ -254,8 +289,12 @@ def _follow_hand(asks: _LinksQuery, poses: Floats, goal: Floats) -> Floats | Fai
     return np.array([*path, *rest]) if rest else FailedPath(NO_LINKS, np.array([path[-1], missing]))
 
 
-def _join_configurations(asks: _LinksQuery, first: Floats, second: Floats, deep: int) -> list[Floats] | None:
-    """Configurations after `first` (k,) up to `second` (k,), with sub-goals where the straight line touches something."""
+def _join_configurations(
+    asks: _LinksQuery, first: Floats, second: Floats, deep: int
+) -> list[Floats] | None:
+    """Configurations after `first` (k,) up to `second` (k,), with sub-goals where the straight
+    line touches something.
+    """
     if asks.free(first, second):
         return [second]
     if deep == 0 or asks.spent():
@@ -271,7 +310,9 @@ def _join_configurations(asks: _LinksQuery, first: Floats, second: Floats, deep:
 
 
 def _sub_goals(asks: _LinksQuery, first: Floats, second: Floats) -> Floats:
-    """Free configurations (n, k) with the hand beside the middle of a gap, those with the shortest way over them first."""
+    """Free configurations (n, k) with the hand beside the middle of a gap, those with the
+    shortest way over them first.
+    """
     middle = (first + second) / 2
     T = asks.hand.poses(middle[None])[0]
     poses = np.repeat(T[None], 1 + len(ASIDE_M) * len(BACK_OFF_DIRECTIONS), axis=0)

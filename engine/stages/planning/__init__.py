@@ -1,7 +1,7 @@
 """Task planner: searches a sequence of steps, makes it cheaper, and drops every needless order.
 
-It searches for a sequence of steps, makes the sequence cheaper, and then drops every order that the plan does
-not need.
+It searches for a sequence of steps, makes the sequence cheaper, and then drops every order that the
+plan does not need.
 """
 
 from cellwright.engine.model.ground_task import GroundTask
@@ -36,10 +36,13 @@ __all__ = [
 RACE = "race"  # all strategies at the same time
 
 
-def plan_task(task: GroundTask, limits: SearchLimits = SearchLimits(), macros: Macros = NO_MACROS) -> Outcome:
+def plan_task(
+    task: GroundTask, limits: SearchLimits = SearchLimits(), macros: Macros = NO_MACROS
+) -> Outcome:
     """A partially ordered plan for a ground task, or the reason why there is none.
 
-    Searches use instances of `macros` as operators, except in a race. The plan contains their steps.
+    Searches use instances of `macros` as operators, except in a race. The plan contains their
+    steps.
     """
     if limits.strategy == RACE:
         from cellwright.engine.stages.planning.strategy_race import race_strategies
@@ -47,7 +50,9 @@ def plan_task(task: GroundTask, limits: SearchLimits = SearchLimits(), macros: M
         return race_strategies(task, limits, plan_task)
     effort = limits.searching()
     if not task.goals:
-        return Infeasible("some goal cannot be reached, whatever is done", _search_statistics(effort))
+        return Infeasible(
+            "some goal cannot be reached, whatever is done", _search_statistics(effort)
+        )
     setting = SearchSetting(task, limits.seed, macros)
     try:
         first = setting.proof.run(effort) if limits.doubtful else None
@@ -55,7 +60,9 @@ def plan_task(task: GroundTask, limits: SearchLimits = SearchLimits(), macros: M
     except (TooManyVariants, OutOfRange) as error:
         return GaveUp(str(error), "expansions", _search_statistics(effort))
     except MemoryError:
-        return GaveUp("out of memory: raise the memory limit, or make the problem smaller", "memory")
+        return GaveUp(
+            "out of memory: raise the memory limit, or make the problem smaller", "memory"
+        )
     statistics = _search_statistics(effort, answer)
     if answer is None:
         stopped = "time" if effort.expanded < effort.limit else "expansions"
@@ -66,13 +73,21 @@ def plan_task(task: GroundTask, limits: SearchLimits = SearchLimits(), macros: M
         return Infeasible("every way to the goals has been tried", statistics)
     best, proved = best_plan(setting, answer.steps, limits)
     return Found(
-        best, statistics, optimal=proved or (limits.strategy == "shortest" and _has_uniform_costs(task))
+        best,
+        statistics,
+        optimal=proved or (limits.strategy == "shortest" and _has_uniform_costs(task)),
     )
 
 
 def _has_uniform_costs(task: GroundTask) -> bool:
-    """Whether a plan with fewest steps is cheapest. Every plan has as many internal steps, which are free."""
-    return len({operator.cost for operator in task.operators if not is_internal(operator.instance)}) == 1
+    """Whether a plan with fewest steps is cheapest.
+
+    Every plan has as many internal steps, which are free.
+    """
+    return (
+        len({operator.cost for operator in task.operators if not is_internal(operator.instance)})
+        == 1
+    )
 
 
 def _search_statistics(effort: Effort, answer: SearchResult | None = None) -> Statistics:

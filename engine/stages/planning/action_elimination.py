@@ -1,8 +1,9 @@
 """Action elimination: drops the steps that a plan does not need (Nakhost & Müller 2010).
 
-A trial compares two runs of the plan, one with a step and one without it. It keeps only the atoms in which
-the states of the two runs differ, and looks only at later steps that touch one of these atoms. So a trial is
-short if the step is needed, and for a long plan all trials together cost little more than one pass.
+A trial compares two runs of the plan, one with a step and one without it. It keeps only the atoms
+in which the states of the two runs differ, and looks only at later steps that touch one of these
+atoms. So a trial is short if the step is needed, and for a long plan all trials together cost
+little more than one pass.
 """
 
 from collections.abc import Sequence
@@ -19,11 +20,13 @@ from cellwright.engine.model.workflow_replay import (
 from cellwright.engine.stages.planning.search_control import Effort
 
 
-def eliminate_actions(initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:
+def eliminate_actions(
+    initial: Bits, steps: Sequence[GroundOperator], goals: Bits
+) -> list[GroundOperator]:
     """The steps that are left after each step was dropped on trial.
 
-    A step is dropped for good, together with all steps that cannot run without it, if the goals still hold at
-    the end.
+    A step is dropped for good, together with all steps that cannot run without it, if the goals
+    still hold at the end.
     """
     trial = _Trial(initial, steps, goals)
     for position in range(len(steps)):
@@ -49,7 +52,9 @@ class _Trial:
         self._follow(0)
 
     def _follow(self, first: int) -> None:
-        """Computes the states from step `first` on, and for each step the goals that no later step adds."""
+        """Computes the states from step `first` on, and for each step the goals that no later
+        step adds.
+        """
         state = self.before[first]
         for position in range(first, len(self.steps)):
             self.before[position] = state
@@ -68,7 +73,8 @@ class _Trial:
         self._follow((positions & -positions).bit_length() - 1)
 
     def dropped_with(self, position: int) -> Bits | None:
-        """The step at `position` and the steps that cannot run without it, as a bitset of positions.
+        """The step at `position` and the steps that cannot run without it, as a bitset of
+        positions.
 
         None if a goal would be lost without them.
         """
@@ -86,11 +92,16 @@ class _Trial:
                 dropped |= 1 << position
                 lost, gained = self._skipped(position, lost, gained)
             else:
-                lost, gained = lost & ~(step.adds | step.deletes), gained & ~(step.adds | step.deletes)
+                lost, gained = (
+                    lost & ~(step.adds | step.deletes),
+                    gained & ~(step.adds | step.deletes),
+                )
         return dropped
 
     def _skipped(self, position: int, lost: Bits, gained: Bits) -> tuple[Bits, Bits]:
-        """The atoms that are missing or left over after a step that only one of the two runs has."""
+        """The atoms that are missing or left over after a step that only one of the two runs
+        has.
+        """
         step, state = self.steps[position], self.before[position]
         ran = state & ~step.deletes | step.adds
         stayed = state & ~lost | gained
@@ -117,7 +128,8 @@ Steps = list[GroundOperator]
 
 
 def without_needless(task: GroundTask, steps: Sequence[GroundOperator], effort: Effort) -> Steps:
-    """The steps that are left after each was dropped on trial, with all that cannot be done without it.
+    """The steps that are left after each was dropped on trial, with all that cannot be done without
+    it.
 
     Every step that is replayed counts as a node of the effort.
     """
@@ -149,7 +161,9 @@ class _Replay:
         return state
 
     def rest(self, state: Bits, steps: Sequence[GroundOperator]) -> Steps | None:
-        """Those of the steps that can be done from a state on; None if they do not lead to the goals."""
+        """Those of the steps that can be done from a state on; None if they do not lead to the
+        goals.
+        """
         done = []
         for step in steps:
             if not step.preconditions & ~state:

@@ -1,9 +1,9 @@
 """Composite operators: instances of learned sequences of steps, used beside ordinary operators.
 
-A sequence is given as operators with variables (macro-operators: Fikes, Hart & Nilsson 1972; Korf 1985). The
-preconditions and effects of an instance are computed from its parts, so they are right no matter how the
-sequence was learned. All ordinary operators stay. So a search that is complete without composites is complete
-with them.
+A sequence is given as operators with variables (macro-operators: Fikes, Hart & Nilsson 1972; Korf
+1985). The preconditions and effects of an instance are computed from its parts, so they are right
+no matter how the sequence was learned. All ordinary operators stay. So a search that is complete
+without composites is complete with them.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -41,8 +41,8 @@ class Composite:
 def compose_operators(parts: Sequence[GroundOperator]) -> GroundOperator | None:
     """One operator that does what the unconditional operators `parts` do one after another.
 
-    None if a part deletes what a later part needs, or if the sequence adds nothing new. Atoms that the
-    sequence needs and keeps are not among its adds.
+    None if a part deletes what a later part needs, or if the sequence adds nothing new. Atoms that
+    the sequence needs and keeps are not among its adds.
     """
     needed = added = deleted = cost = 0
     for part in parts:
@@ -61,11 +61,13 @@ Bound = dict[str, int]
 
 
 class PatternJoins:
-    """Finds sequences of ground operators that are instances of patterns. Operators are given by number.
+    """Finds sequences of ground operators that are instances of patterns. Operators are given by
+    number.
 
-    A sequence is built step by step: the next operator must agree with the earlier ones on shared variables.
-    An operator is matched with a step only once, and the bindings are kept. Terms are numbered, so that only
-    small numbers are compared. Operators with conditional effects are never part of a sequence.
+    A sequence is built step by step: the next operator must agree with the earlier ones on shared
+    variables. An operator is matched with a step only once, and the bindings are kept. Terms are
+    numbered, so that only small numbers are compared. Operators with conditional effects are never
+    part of a sequence.
     """
 
     def __init__(self, operators: Sequence[GroundOperator], patterns: Sequence[Pattern]) -> None:
@@ -73,8 +75,12 @@ class PatternJoins:
         self._names = [operator.instance.name for operator in operators]
         self._shared = [list(_shared_variables(pattern)) for pattern in patterns]
         self._terms: dict[Term, int] = {}
-        self._bindings: list[list[dict[int, Bound | None]]] = [[{} for _ in pattern] for pattern in patterns]
-        self._keys: list[list[dict[int, tuple[int, ...]]]] = [[{} for _ in pattern] for pattern in patterns]
+        self._bindings: list[list[dict[int, Bound | None]]] = [
+            [{} for _ in pattern] for pattern in patterns
+        ]
+        self._keys: list[list[dict[int, tuple[int, ...]]]] = [
+            [{} for _ in pattern] for pattern in patterns
+        ]
         self._beginning: dict[str, list[int]] = {}
         for number, pattern in enumerate(patterns):
             self._beginning.setdefault(pattern[0].name, []).append(number)
@@ -82,7 +88,8 @@ class PatternJoins:
     def sequences(
         self, first: Iterable[int], later_operators: Sequence[int]
     ) -> Iterator[tuple[int, tuple[int, ...]]]:
-        """The instances of all patterns, each as the number of its pattern and the numbers of its operators.
+        """The instances of all patterns, each as the number of its pattern and the numbers of its
+        operators.
 
         The first operator is one of `first`, the following ones are from `others`.
         """
@@ -119,7 +126,9 @@ class PatternJoins:
     def _table(
         self, pattern: int, place: int, later_operators: Sequence[int]
     ) -> dict[tuple[int, ...], list[int]]:
-        """The operators that can be this step of a pattern, by the values that earlier steps bind."""
+        """The operators that can be this step of a pattern, by the values that earlier steps
+        bind.
+        """
         table: dict[tuple[int, ...], list[int]] = {}
         names, name = self._names, self.patterns[pattern][place].name
         keys, shared = self._keys[pattern][place], self._shared[pattern][place]
@@ -180,9 +189,9 @@ def find_composites(
 ) -> list[Composite]:
     """The instances of patterns among operators.
 
-    There are at most `most` of them, and at most as many as there are operators: with more, a search would
-    lose more time than it saves. A pattern whose instances would exceed this limit is left out as a whole,
-    and so are all patterns after it.
+    There are at most `most` of them, and at most as many as there are operators: with more, a
+    search would lose more time than it saves. A pattern whose instances would exceed this limit is
+    left out as a whole, and so are all patterns after it.
     """
     composites_found: list[Composite] = []
     most = min(most, len(operators))

@@ -1,8 +1,8 @@
 """Delete relaxation: for each atom the operators that reach it if nothing is ever deleted.
 
-They are computed forward once for each state. Each atom gets the best supporter by additive cost, as in the
-set-additive heuristic (Keyder & Geffner 2008). The estimate for a set of goals is the size of the union of
-their relaxed plans. It takes one OR per goal and one bit count.
+They are computed forward once for each state. Each atom gets the best supporter by additive cost,
+as in the set-additive heuristic (Keyder & Geffner 2008). The estimate for a set of goals is the
+size of the union of their relaxed plans. It takes one OR per goal and one bit count.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,10 @@ MAX_CHARGE = 8  # bits of the costliest operator in a relaxed plan
 
 
 class Relaxation:
-    """Operators indexed for relaxed plans. Everything that does not depend on the state is computed once."""
+    """Operators indexed for relaxed plans.
+
+    Everything that does not depend on the state is computed once.
+    """
 
     def __init__(self, operators: Sequence[GroundOperator], size: int) -> None:
         self.operators = operators
@@ -52,7 +55,8 @@ class Relaxation:
 def reachability_levels(
     initial: Bits, operators: Sequence[GroundOperator], size: int
 ) -> tuple[list[int], list[int]]:
-    """The first step after which each atom can be true, and the first step at which each operator can occur.
+    """The first step after which each atom can be true, and the first step at which each operator
+    can occur.
 
     Deletes are ignored. The number -1 means never.
     """

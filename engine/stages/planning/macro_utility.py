@@ -1,9 +1,9 @@
 """Utility of MACROPs: measures how much each of them helps a search.
 
-A task is solved with and without them, and the generated nodes are counted. Each pattern is first tried
-alone. Then the patterns that pay are tried again, the best first, together with those that were kept before.
-So if two patterns save the same work, only one of them gets the credit (the utility problem: Minton 1988;
-filtering by solving the training tasks: Botea et al. 2005).
+A task is solved with and without them, and the generated nodes are counted. Each pattern is first
+tried alone. Then the patterns that pay are tried again, the best first, together with those that
+were kept before. So if two patterns save the same work, only one of them gets the credit (the
+utility problem: Minton 1988; filtering by solving the training tasks: Botea et al. 2005).
 """
 
 from collections.abc import Callable, Sequence
@@ -12,8 +12,15 @@ from dataclasses import dataclass
 from cellwright.engine.kernels.cancellation import Interrupted, never
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.stages.planning.composites import Pattern
-from cellwright.engine.stages.planning.portfolio import MAX_COMPOSITES, REGRESSION_GREED, SearchSetting
-from cellwright.engine.stages.planning.regression.backward_search import BackwardSpace, BestFirstRegression
+from cellwright.engine.stages.planning.portfolio import (
+    MAX_COMPOSITES,
+    REGRESSION_GREED,
+    SearchSetting,
+)
+from cellwright.engine.stages.planning.regression.backward_search import (
+    BackwardSpace,
+    BestFirstRegression,
+)
 from cellwright.engine.stages.planning.search_control import Effort, OutOfRange
 
 TRIAL_SEEDS = (0, 1, 2, 3, 4)  # one run for each seed, where a search breaks ties by chance
@@ -22,12 +29,16 @@ MAX_PATTERNS_TOGETHER = 4  # the largest number of patterns for one search
 PAYING_RATIO = 0.85  # a pattern pays if the work with it is below this part of the work without it
 
 Work = Callable[[Sequence[Pattern], int], int]
-"""Takes patterns and a limit. Returns the nodes that are generated to solve the task, at most the limit."""
+"""Takes patterns and a limit.
+
+Returns the nodes that are generated to solve the task, at most the limit.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class PatternTrial:
-    """The nodes generated until a plan was found, without a pattern (`without`) and with it (`beside`).
+    """The nodes generated until a plan was found, without a pattern (`without`) and with it
+    (`beside`).
 
     Patterns that were kept before are used in both cases.
     """
@@ -46,14 +57,16 @@ def measure_utility(
 ) -> dict[Pattern, PatternTrial]:
     """The trial of every pattern in one kind of search, `backward` or `forward`.
 
-    There are no trials if the task is too hard for this search, or if the measurement was interrupted: its
-    numbers would not show the real work.
+    There are no trials if the task is too hard for this search, or if the measurement was
+    interrupted: its numbers would not show the real work.
     """
     setting = SearchSetting(task)
     if search == "backward" and setting.regression is None:
         return {}
     work: Work = (
-        _backward_work(setting, interrupted) if search == "backward" else _forward_work(task, interrupted)
+        _backward_work(setting, interrupted)
+        if search == "backward"
+        else _forward_work(task, interrupted)
     )
     base = work((), MAX_TRAINING_NODES)
     if base >= MAX_TRAINING_NODES or not base:
@@ -88,9 +101,9 @@ def _backward_work(setting: SearchSetting, interrupted: Interrupted) -> Work:
 
     def work(patterns: Sequence[Pattern], most: int) -> int:
         effort = Effort(most, interrupted, most=most)
-        answer = BestFirstRegression(plain.offered(patterns, MAX_COMPOSITES), roots, REGRESSION_GREED).run(
-            effort
-        )
+        answer = BestFirstRegression(
+            plain.offered(patterns, MAX_COMPOSITES), roots, REGRESSION_GREED
+        ).run(effort)
         return most if answer is None else min(effort.generated, most)
 
     return work

@@ -27,8 +27,10 @@ if TYPE_CHECKING:
     from cellwright.engine.stages.planning.forward.forward_search import ForwardSearch
 
 DETOUR_FACTOR = 2  # a plan that costs this many times its relaxed plan may be far from the best
-MAX_GROUNDING_SIZE = 500_000  # steps times conditions and effects, up to which stable models are grounded
-REGRESSION_GREED = 5  # how many times the estimate weighs what the cost does, in best-first regression
+# steps times conditions and effects, up to which stable models are grounded
+MAX_GROUNDING_SIZE = 500_000
+# how many times the estimate weighs what the cost does, in best-first regression
+REGRESSION_GREED = 5
 MAX_COMPOSITES = 5_000  # the largest number of MACROP instances in regression
 
 
@@ -38,12 +40,16 @@ class ResumableSearch(Protocol):
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
-        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is
+        spent.
         """
 
 
 class SearchSetting:
-    """A task ready for search. What a strategy needs is made when it is first used, and is then kept."""
+    """A task ready for search.
+
+    What a strategy needs is made when it is first used, and is then kept.
+    """
 
     def __init__(self, task: GroundTask, seed: int = 0, macros: Macros = NO_MACROS) -> None:
         self.task, self.seed, self.macros = task, seed, macros
@@ -55,7 +61,9 @@ class SearchSetting:
 
     @cached_property
     def regression(self) -> Regression | None:
-        """The operators for backward chaining; None if there are too many conditional effects to split."""
+        """The operators for backward chaining; None if there are too many conditional effects
+        to split.
+        """
         try:
             operators = unconditional_variants(self.task)
         except TooManyVariants:
@@ -85,7 +93,9 @@ class SearchSetting:
         """The forward search by relaxed plans and landmarks."""
         from cellwright.engine.stages.planning.forward.forward_search import start_forward_search
 
-        return start_forward_search(self.task, self.seed, landmarks=True, patterns=self.macros.forward)
+        return start_forward_search(
+            self.task, self.seed, landmarks=True, patterns=self.macros.forward
+        )
 
     @cached_property
     def restarts(self) -> ResumableSearch:
@@ -138,14 +148,19 @@ class BackwardSearches:
 
     @cached_property
     def _best_first(self) -> BestFirstRegression:
-        """Best-first search from all alternatives of the goals, with the composites that MACROPs make."""
+        """Best-first search from all alternatives of the goals, with the composites that
+        MACROPs make.
+        """
         patterns = self._setting.macros.backward if self.roots else ()
-        return BestFirstRegression(self.space.offered(patterns, MAX_COMPOSITES), self.roots, REGRESSION_GREED)
+        return BestFirstRegression(
+            self.space.offered(patterns, MAX_COMPOSITES), self.roots, REGRESSION_GREED
+        )
 
     def climb(self, effort: Effort) -> SearchResult | None:
         """Hill climbing towards the nearest alternative of the goals.
 
-        If it finds nothing, this proves that there is no plan only if there is just one alternative.
+        If it finds nothing, this proves that there is no plan only if there is just one
+        alternative.
         """
         return self._sure(self._climb.run(effort)) if self._climb else NO_PLAN
 
@@ -154,15 +169,21 @@ class BackwardSearches:
         return BestFirstRegression(self.space, self.roots, greed)
 
     def restart(self, effort: Effort) -> SearchResult | None:
-        """Hill climbing from the start again, with ties broken differently, towards the next alternative."""
+        """Hill climbing from the start again, with ties broken differently, towards the next
+        alternative.
+        """
         if not self.roots:
             return NO_PLAN
         self._restarts += 1
         root = self.roots[self._restarts % len(self.roots)]
-        return self._sure(HillClimbing(self.space, root, self._seed * 1_000_003 + self._restarts).run(effort))
+        return self._sure(
+            HillClimbing(self.space, root, self._seed * 1_000_003 + self._restarts).run(effort)
+        )
 
     def roundabout(self, answer: SearchResult) -> bool:
-        """Whether a plan costs so much more than the goals' relaxed plan that a better one is likely."""
+        """Whether a plan costs so much more than the goals' relaxed plan that a better one is
+        likely.
+        """
         steps, charge = answer.steps or (), self.space.regression.relaxation.charge
         return bool(steps) and sum(map(charge, steps)) > DETOUR_FACTOR * self.space.estimate(
             self.roots[0].open
@@ -177,15 +198,17 @@ class BackwardSearches:
 
 
 CLIMB_NODES = 2_000  # nodes that hill climbing may generate before other searches start
-QUICK_REGRESSION_NODES = 2_000  # nodes that best-first regression may generate before other searches start
+# nodes that best-first regression may generate before other searches start
+QUICK_REGRESSION_NODES = 2_000
 SECOND_PLAN_EXPANSIONS = 1000  # expansions that the search for a second plan may take
 
 
 class TurnLimits(NamedTuple):
     """The limits of a first turn: expansions and generated nodes.
 
-    A turn ends at the limit that is reached first. Each turn is twice as long as the one before. Generated
-    nodes are limited, too, because they take the time where expansions have very many successors.
+    A turn ends at the limit that is reached first. Each turn is twice as long as the one before.
+    Generated nodes are limited, too, because they take the time where expansions have very many
+    successors.
     """
 
     expansions: int
@@ -196,16 +219,22 @@ LANDMARKS_TURN = TurnLimits(8000, 1_000_000)
 REGRESSION_TURN = TurnLimits(500, 100_000)
 FORWARD_TURN = TurnLimits(1000, 250_000)
 MODELS_TURN = TurnLimits(500)
-LAYERED, RESTARTED, SHORT = TurnLimits(4000, 500_000), TurnLimits(2000, 250_000), TurnLimits(500, 60_000)
+LAYERED, RESTARTED, SHORT = (
+    TurnLimits(4000, 500_000),
+    TurnLimits(2000, 250_000),
+    TurnLimits(500, 60_000),
+)
 NUMERIC_FIRST_TURN = TurnLimits(500, 25_000)  # landmarks and forward, with quantities
 NOVELTY_TURN = TurnLimits(2000, 100_000)
 SINGLE_TURN = TurnLimits(1)
-REGRESSION_ALONE_TURN = TurnLimits(4000)  # best-first regression, if it takes turns only with restarts
+# best-first regression, if it takes turns only with restarts
+REGRESSION_ALONE_TURN = TurnLimits(4000)
 RESTART_TURN = TurnLimits(200)
 
 
 def search_backward(setting: SearchSetting, effort: Effort) -> SearchResult | None:
-    """Backward search: first a short hill climbing, then best-first search and new hill climbings in turns.
+    """Backward search: first a short hill climbing, then best-first search and new hill climbings
+    in turns.
 
     Best-first search is complete.
     """
@@ -226,7 +255,9 @@ def search_by_landmarks(setting: SearchSetting, effort: Effort) -> SearchResult 
 
 
 def search_by_novelty(setting: SearchSetting, effort: Effort) -> SearchResult | None:
-    """The forward search for states with atoms and values that no state as near to the goals had."""
+    """The forward search for states with atoms and values that no state as near to the goals
+    had.
+    """
     return setting.novelty.run(effort)
 
 
@@ -241,18 +272,23 @@ def search_stable_models(setting: SearchSetting, effort: Effort) -> SearchResult
 
 
 def search_shortest(setting: SearchSetting, effort: Effort) -> SearchResult | None:
-    """Stable models, horizon by horizon, with one operator in a step: the first plan has the fewest steps."""
+    """Stable models, horizon by horizon, with one operator in a step: the first plan has the
+    fewest steps.
+    """
     return setting.parallel(single=True).run(effort)
 
 
 def search_automatically(setting: SearchSetting, effort: Effort) -> SearchResult | None:
     """A short backward search first.
 
-    Then landmarks, backward, forward and stable models take turns that double in length. With quantities, landmarks, novelty
-    and forward take turns, and where only forward searches can plan, landmarks, short searches by chance and forward.
+    Then landmarks, backward, forward and stable models take turns that double in length. With
+    quantities, landmarks, novelty and forward take turns, and where only forward searches can plan,
+    landmarks, short searches by chance and forward.
     """
     if setting.regression is None:
-        return _in_turns(_numeric_turns(setting) if setting.numeric else _forward_turns(setting), effort)
+        return _in_turns(
+            _numeric_turns(setting) if setting.numeric else _forward_turns(setting), effort
+        )
     chaining = setting.backward
     quick = _bound_search(chaining.climb, effort, CLIMB_NODES) or _bound_search(
         chaining.best_first, effort, QUICK_REGRESSION_NODES
@@ -271,7 +307,8 @@ def search_automatically(setting: SearchSetting, effort: Effort) -> SearchResult
 
 
 def _cheaper_of_two(setting: SearchSetting, first: SearchResult, effort: Effort) -> SearchResult:
-    """The cheaper one of two plans: the given one, and the one that the search by landmarks finds soon.
+    """The cheaper one of two plans: the given one, and the one that the search by landmarks finds
+    soon.
 
     Both are compared without needless steps.
     """
@@ -286,7 +323,9 @@ def _cheaper_of_two(setting: SearchSetting, first: SearchResult, effort: Effort)
 def _answer_price(setting: SearchSetting, answer: SearchResult) -> tuple[int, int]:
     steps = plain_steps(setting.task, answer.steps or ())
     needed = eliminate_actions(
-        setting.task.initial, reach_stages_early(setting.task, steps), achieved_goal(setting.task, steps)
+        setting.task.initial,
+        reach_stages_early(setting.task, steps),
+        achieved_goal(setting.task, steps),
     )
     return sum(step.cost for step in needed), len(needed)
 
@@ -307,7 +346,9 @@ Turns = Sequence[tuple[Callable[[Effort], SearchResult | None], TurnLimits]]
 
 
 def _forward_turns(setting: SearchSetting) -> Turns:
-    """The searches for tasks with derived atoms, and for those with very many conditional effects."""
+    """The searches for tasks with derived atoms, and for those with very many conditional
+    effects.
+    """
     return [
         (_run_later(setting, search_by_landmarks), LAYERED),
         (_run_later(setting, prove_unsolvable), SINGLE_TURN),
@@ -326,7 +367,9 @@ def _numeric_turns(setting: SearchSetting) -> Turns:
     ]
 
 
-def _run_later(setting: SearchSetting, strategy: Strategy) -> Callable[[Effort], SearchResult | None]:
+def _run_later(
+    setting: SearchSetting, strategy: Strategy
+) -> Callable[[Effort], SearchResult | None]:
     return lambda effort: strategy(setting, effort)
 
 

@@ -1,5 +1,6 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
-"""The relaxed plan of each atom from one state, put together from the best supporters when it is asked for.
+"""The relaxed plan of each atom from one state, put together from the best supporters when it is
+asked for.
 
 Plain Python, compiled with the types in `relaxed_plans.pxd`.
 """
@@ -15,9 +16,9 @@ UNKNOWN: Any = object()
 class RelaxedPlans:
     """The relaxed plan of each atom: None if the atom is unreachable, 0 if it holds already.
 
-    Each plan is made when it is first needed. A plan is a bitset in which every operator has as many bits of
-    its own as its charge, so that the number of bits is the cost. `needs` and `charges` are those of the operators, `supporters`
-    has the best operator for each atom, or -1.
+    Each plan is made when it is first needed. A plan is a bitset in which every operator has as
+    many bits of its own as its charge, so that the number of bits is the cost. `needs` and
+    `charges` are those of the operators, `supporters` has the best operator for each atom, or -1.
     """
 
     def __init__(
@@ -42,7 +43,8 @@ class RelaxedPlans:
     def to(self, atom: int) -> Bits | None:
         """The relaxed plan of one atom.
 
-        A loop is used instead of recursion, because chains of supporters may be deeper than Python's stack.
+        A loop is used instead of recursion, because chains of supporters may be deeper than
+        Python's stack.
         """
         plans: list[Bits | None] = self._plans
         if plans[atom] is not UNKNOWN:

@@ -21,8 +21,8 @@ class OutOfRange(Exception):
 class Effort:
     """The work done so far, and its limits.
 
-    A search stops after `limit` expansions, after `most` generated nodes, or when `interrupted` returns True.
-    `most` matters where expansions have very many successors.
+    A search stops after `limit` expansions, after `most` generated nodes, or when `interrupted`
+    returns True. `most` matters where expansions have very many successors.
     """
 
     limit: int
@@ -48,11 +48,16 @@ class Effort:
         return self.expanded >= self.limit or self.generated >= self.most
 
     def part(self, expansions: int | None = None, most: int | None = None) -> "Effort":
-        """A part of this effort: at most `expansions` more expansions and `most` generated nodes."""
+        """A part of this effort: at most `expansions` more expansions and `most` generated
+        nodes.
+        """
         limit = self.limit if expansions is None else min(self.expanded + expansions, self.limit)
         remaining = self.most - self.generated
         return Effort(
-            limit, self.interrupted, self.expanded, most=remaining if most is None else min(most, remaining)
+            limit,
+            self.interrupted,
+            self.expanded,
+            most=remaining if most is None else min(most, remaining),
         )
 
     def add(self, part: "Effort") -> None:
@@ -80,7 +85,9 @@ RESTARTS = 6
 
 
 class BatchEffort(NamedTuple):
-    """Expansions and generated nodes of the searches for fewer batches, for each node of `Limits.improvement`."""
+    """Expansions and generated nodes of the searches for fewer batches, for each node of
+    `Limits.improvement`.
+    """
 
     expansions: int
     generated: int
@@ -91,7 +98,9 @@ BATCH_EFFORT = BatchEffort(2, 40)
 
 @dataclass(frozen=True, slots=True)
 class StateRoom:
-    """How many states may be met, and how often it may be asked whether an operator can be done in one."""
+    """How many states may be met, and how often it may be asked whether an operator can be done
+    in one.
+    """
 
     states: int = MAX_STATES_MET
     checks: int = MAX_STATE_CHECKS
@@ -109,13 +118,14 @@ def _ignore_plan(_: Plan) -> None:
 class SearchLimits:
     """The work that a call of the planner may do.
 
-    A search may expand `expansions` nodes. If all states of the task fit into `room`, the plan is a cheapest one.
-    If not, improvement may generate `improvement` nodes for each plan that is found: for the first one, and for
-    those of other searches, among them `restarts` of hill climbing. If `thorough` is set, improvement continues in
-    ever wider windows until it is interrupted. `strategy` is one of `STRATEGIES`, or `RACE`. With a `seed` other than
-    0, searches break ties by chance, with this seed. The planner calls `interrupted` from time to time and, if it returns True,
-    stops with the best plan so far. It calls `improved` with the first plan and with every better one. Where a plan is
-    `doubtful`, it first tries to prove that there is none.
+    A search may expand `expansions` nodes. If all states of the task fit into `room`, the plan is a
+    cheapest one. If not, improvement may generate `improvement` nodes for each plan that is found:
+    for the first one, and for those of other searches, among them `restarts` of hill climbing. If
+    `thorough` is set, improvement continues in ever wider windows until it is interrupted.
+    `strategy` is one of `STRATEGIES`, or `RACE`. With a `seed` other than 0, searches break ties by
+    chance, with this seed. The planner calls `interrupted` from time to time and, if it returns
+    True, stops with the best plan so far. It calls `improved` with the first plan and with every
+    better one. Where a plan is `doubtful`, it first tries to prove that there is none.
     """
 
     expansions: int = 1_000_000
@@ -135,12 +145,18 @@ class SearchLimits:
 
     def improving(self) -> Effort:
         """The effort for the improvement of a plan."""
-        return Effort(1 << 60, self.interrupted, most=1 << 60 if self.thorough else self.improvement)
+        return Effort(
+            1 << 60, self.interrupted, most=1 << 60 if self.thorough else self.improvement
+        )
 
     def batching(self) -> Effort:
-        """The effort for fewer repeated steps in a plan, for tasks that only forward searches can plan."""
+        """The effort for fewer repeated steps in a plan, for tasks that only forward searches
+        can plan.
+        """
         most = self.improvement
-        return Effort(BATCH_EFFORT.expansions * most, self.interrupted, most=BATCH_EFFORT.generated * most)
+        return Effort(
+            BATCH_EFFORT.expansions * most, self.interrupted, most=BATCH_EFFORT.generated * most
+        )
 
 
 def random_source(seed: int) -> "Random | None":

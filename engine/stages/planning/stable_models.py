@@ -70,7 +70,9 @@ def task_facts(
 def occurring_sequence(
     operators: Sequence[GroundOperator], occurring: frozenset[tuple[int, ...]]
 ) -> list[GroundOperator]:
-    """The operators of all pairs (number, step), ordered by step and within a step so that they can run."""
+    """The operators of all pairs (number, step), ordered by step and within a step so that they
+    can run.
+    """
     steps: dict[int, list[GroundOperator]] = {}
     for number, step in sorted(occurring):
         steps.setdefault(step, []).append(operators[number])
@@ -102,33 +104,45 @@ differ(S,t) :- holds(A,t), S = 0..t-1, not holds(A,S).
 :- distinct(t), 2 { occurs(O,t) }.
 :- distinct(t), not 1 { occurs(O,t) }.
 """
-TRIAL_CONFLICTS = 400  # conflicts for one horizon in the first round; the number doubles in each round
+# conflicts for one horizon in the first round; the number doubles in each round
+TRIAL_CONFLICTS = 400
 HORIZON_STRIDE = 5  # after an undecided horizon h the next is h + h // STRIDE
-MAX_PATH_ATOMS = 200_000  # atoms times pairs of states, up to which paths of different states are searched
+# atoms times pairs of states, up to which paths of different states are searched
+MAX_PATH_ATOMS = 200_000
 
 
 class HorizonSearch:
     """A search over growing horizons that can be resumed. With `single`, a step has one operator.
 
-    The number of steps times the number of conditions and effects stays below `room`. Longer horizons are
-    left undecided.
+    The number of steps times the number of conditions and effects stays below `room`. Longer
+    horizons are left undecided.
     """
 
     def __init__(
-        self, task: GroundTask, operators: Sequence[GroundOperator], single: bool = False, room: int = 1 << 60
+        self,
+        task: GroundTask,
+        operators: Sequence[GroundOperator],
+        single: bool = False,
+        room: int = 1 << 60,
     ) -> None:
         self._longest = room // max(sum(map(_operator_size, operators)), 1)
         self.operators, self.single, self.size = operators, single, len(task.atoms)
         reached, first = reachability_levels(task.initial, operators, self.size)
-        nearest = [far for goal in task.goals if (far := _earliest_goal_step(goal, reached)) is not None]
+        nearest = [
+            far for goal in task.goals if (far := _earliest_goal_step(goal, reached)) is not None
+        ]
         self.possible = bool(nearest)
-        self._decided = min(nearest, default=0) - 1  # it is proved that no plan has this many steps or fewer
+        # it is proved that no plan has this many steps or fewer
+        self._decided = min(nearest, default=0) - 1
         self._task, self._first = task, first
         self._grounded, self._paths, self._trial = -1, 0, TRIAL_CONFLICTS
 
     @cached_property
     def _solver(self) -> MultiShotSolver:
-        """The solver with all facts. It is made for the first horizon that has room, because the facts of a large task take much."""
+        """The solver with all facts.
+
+        It is made for the first horizon that has room, because the facts of a large task take much.
+        """
         operators, size = self.operators, self.size
         base = [
             *task_facts(self._task.initial, operators, self._first, self._task.mutex_groups, size),
@@ -137,7 +151,10 @@ class HorizonSearch:
         return MultiShotSolver(
             {
                 "base": ((), " ".join(base)),
-                "step": (("t",), STEP_PROGRAM + (SINGLE_PROGRAM if self.single else PARALLEL_PROGRAM)),
+                "step": (
+                    ("t",),
+                    STEP_PROGRAM + (SINGLE_PROGRAM if self.single else PARALLEL_PROGRAM),
+                ),
                 "ask": (("t",), HORIZON_PROGRAM),
                 "distinct": (("t",), DISTINCT_STATES_PROGRAM),
             },
@@ -147,7 +164,8 @@ class HorizonSearch:
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
-        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is
+        spent.
         """
         if not self.possible:
             return NO_PLAN
@@ -196,11 +214,15 @@ class HorizonSearch:
 
 
 def _operator_size(operator: GroundOperator) -> int:
-    return sum(bits.bit_count() for bits in (operator.preconditions, operator.adds, operator.deletes))
+    return sum(
+        bits.bit_count() for bits in (operator.preconditions, operator.adds, operator.deletes)
+    )
 
 
 def _earliest_goal_step(goal: Bits, reached: Sequence[int]) -> int | None:
-    """The first step after which every atom of a goal can be true; None if one of them never can."""
+    """The first step after which every atom of a goal can be true; None if one of them never
+    can.
+    """
     steps = [reached[atom] for atom in indices(goal)]
     return None if -1 in steps else max(steps, default=0)
 
@@ -212,7 +234,8 @@ def _goal_facts(task: GroundTask) -> list[str]:
     return texts
 
 
-SHORT_WINDOW_STEPS = 12  # up to this length the replacement has one step less; for longer windows about half
+# up to this length the replacement has one step less; for longer windows about half
+SHORT_WINDOW_STEPS = 12
 BOUND_PROGRAM = """
 :- #sum { C,O,T : occurs(O,T), weight(O,C) } >= b.
 """
@@ -236,7 +259,9 @@ class WindowReplanner:
         solver = self._solver(state, goals, len(window))
         best: list[GroundOperator] | None = None
         while solver is not None and not effort.over() and solver.conflicts < self.conflicts:
-            solver.ground([("below", (self._weighed(window if best is None else best, len(window)),))])
+            solver.ground(
+                [("below", (self._weighed(window if best is None else best, len(window)),))]
+            )
             before = solver.conflicts
             model = solver.solve((), self.conflicts - before, effort.interrupted)
             effort.generated += 1 + solver.conflicts - before
@@ -247,7 +272,9 @@ class WindowReplanner:
 
     def _solver(self, state: Bits, goals: Bits, length: int) -> MultiShotSolver | None:
         """The program of one window; None if the goals cannot be reached within the horizon."""
-        horizon = length - 1 if length <= SHORT_WINDOW_STEPS else max(SHORT_WINDOW_STEPS - 1, length // 2)
+        horizon = (
+            length - 1 if length <= SHORT_WINDOW_STEPS else max(SHORT_WINDOW_STEPS - 1, length // 2)
+        )
         reached, first = reachability_levels(state, self.operators, self.size)
         if any(not 0 <= reached[atom] <= horizon for atom in indices(goals)):
             return None

@@ -35,13 +35,18 @@ def race_strategies(task: GroundTask, limits: SearchLimits, plan: Planner) -> Ou
     with _open_lanes(task, limits, plan) as lanes:
         while lanes.fill():
             for heard in lanes.heard():
-                if isinstance(heard, Infeasible) or (isinstance(heard, Found) and not limits.thorough):
+                if isinstance(heard, Infeasible) or (
+                    isinstance(heard, Found) and not limits.thorough
+                ):
                     return heard
                 if isinstance(heard, GaveUp):
                     gave_up = heard
                     continue
                 outcome = heard.plan if isinstance(heard, Found) else heard
-                if best is None or (outcome.cost, len(outcome.steps)) < (best.cost, len(best.steps)):
+                if best is None or (outcome.cost, len(outcome.steps)) < (
+                    best.cost,
+                    len(best.steps),
+                ):
                     best = outcome
                     limits.improved(best)
             if limits.interrupted():
@@ -53,7 +58,8 @@ def race_strategies(task: GroundTask, limits: SearchLimits, plan: Planner) -> Ou
 class _RaceProcesses:
     """The running processes.
 
-    Each process sends its plans and its answer through a pipe. `running` has the process of each pipe.
+    Each process sends its plans and its answer through a pipe. `running` has the process of each
+    pipe.
     """
 
     def __init__(self, task: GroundTask, limits: SearchLimits, plan: Planner) -> None:
@@ -62,7 +68,10 @@ class _RaceProcesses:
         self.running: dict[Connection, BaseProcess] = {}
 
     def fill(self) -> bool:
-        """Starts strategies as long as there are free processors. Returns whether any process runs."""
+        """Starts strategies as long as there are free processors.
+
+        Returns whether any process runs.
+        """
         while self.waiting and len(self.running) < (os.cpu_count() or 1):
             self._start(self.waiting.pop(0))
         return bool(self.running)
@@ -77,7 +86,9 @@ class _RaceProcesses:
             improved=sender.send,
         )
         context = multiprocessing.get_context("fork")  # a forked process has the task already
-        process = context.Process(target=_run_lane, args=(sender, self.plan, self.task, limits), daemon=True)
+        process = context.Process(
+            target=_run_lane, args=(sender, self.plan, self.task, limits), daemon=True
+        )
         process.start()
         sender.close()
         self.running[receiver] = process

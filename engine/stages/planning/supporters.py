@@ -1,10 +1,10 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """The best supporter of each atom from one state, for the relaxed plans of backward chaining.
 
-They come from one Dijkstra search over additive costs. The module is plain Python; like `kernels.py` it can
-be compiled, with the types in `supporters.pxd`. A state is a row of bytes, in which atom i is bit
-`i % 8` of byte `i // 8`.
+They come from one Dijkstra search over additive costs. The module is plain Python; like
+`kernels.py` it can be compiled, with the types in `supporters.pxd`. A state is a row of bytes, in
+which atom i is bit `i % 8` of byte `i // 8`.
 """
 
 from array import array
@@ -19,7 +19,8 @@ MOST = 1 << 38  # additive costs are cut off here, because they can double with 
 class Supporters:
     """Operators that only add, with positive charges.
 
-    `need` and `add` have a list of atoms for each operator, `users` has the operators that need each atom.
+    `need` and `add` have a list of atoms for each operator, `users` has the operators that need
+    each atom.
     """
 
     def __init__(
@@ -42,9 +43,9 @@ class Supporters:
     def spread(self, state: bytes, bound: int) -> list[int]:
         """The best supporter of each atom; -1 if it has none, and for the atoms of the state.
 
-        A supporter counts only if the charges of a chain of supporters up to it are at most `bound`. Among
-        equally good supporters the one whose conditions are settled first is taken; atoms are settled in the
-        order of their cost, then of their number.
+        A supporter counts only if the charges of a chain of supporters up to it are at most
+        `bound`. Among equally good supporters the one whose conditions are settled first is taken;
+        atoms are settled in the order of their cost, then of their number.
         """
         self._begin(state, bound)
         while self.size > 0:
@@ -77,12 +78,16 @@ class Supporters:
             operator = self.user_items[place]
             self.missing[operator] -= 1
             self.spent[operator] += cost
-            self.ends[operator] = max(self.ends[operator], self.depths[atom] + self.charges[operator])
+            self.ends[operator] = max(
+                self.ends[operator], self.depths[atom] + self.charges[operator]
+            )
             if self.missing[operator] == 0:
                 self._offer(operator, bound)
 
     def _offer(self, operator: int, bound: int) -> None:
-        """Notes the operator as supporter of the atoms that it adds more cheaply than known so far."""
+        """Notes the operator as supporter of the atoms that it adds more cheaply than known so
+        far.
+        """
         if self.ends[operator] > bound:
             return
         cost = min(self.spent[operator], MOST)

@@ -1,7 +1,8 @@
 """Proofs that there is no plan: by what no state allows, and by the counters of workflow chains.
 
-A step that lets many things happen at once moves many counters. Which of them it may move together is asked of all states that
-definitions allow: four tubes of two weights are spun in pairs, and of three tubes of one weight one is left over.
+A step that lets many things happen at once moves many counters. Which of them it may move together
+is asked of all states that definitions allow: four tubes of two weights are spun in pairs, and of
+three tubes of one weight one is left over.
 """
 
 from collections.abc import Iterator
@@ -27,8 +28,12 @@ class _Move(NamedTuple):
 
 
 def counters_stay_short(task: GroundTask, states: str) -> bool:
-    """Whether no sequence of steps takes the counters to a goal; `states` is the program of all states, with atoms `a(number)`."""
-    counted = sum(1 << number for number, atom in enumerate(task.atoms) if atom.name == COUNTER_PREFIX)
+    """Whether no sequence of steps takes the counters to a goal; `states` is the program of all
+    states, with atoms `a(number)`.
+    """
+    counted = sum(
+        1 << number for number, atom in enumerate(task.atoms) if atom.name == COUNTER_PREFIX
+    )
     together = [operator for operator in task.operators if _moved_bits(operator) & counted]
     if not counted or not together or len(together) > MOST_OPERATORS:
         return False
@@ -53,7 +58,9 @@ def _effect_sets(operator: GroundOperator, states: str) -> Iterator[tuple[Condit
     """The sets of effects that may happen together, and no others with them."""
     lines = [f":- not a({atom})." for atom in indices(operator.preconditions)]
     for number, effect in enumerate(operator.conditional):
-        lines.append(f"f({number}) :- {', '.join(f'a({atom})' for atom in indices(effect.condition))}.")
+        lines.append(
+            f"f({number}) :- {', '.join(f'a({atom})' for atom in indices(effect.condition))}."
+        )
     text = "\n".join([states, *lines, "#defined f/1. #defined a/1."])
     for model in enumerate_models(text, "f", "none", MOST_SETS + 1):
         yield tuple(operator.conditional[number] for number in sorted(map(int, model.others)))
@@ -64,7 +71,11 @@ def _project_operator(
 ) -> _Move:
     needs, adds, deletes, cancels = operator.preconditions, operator.adds, operator.deletes, 0
     for effect in effects:
-        needs, adds, deletes = needs | effect.condition, adds | effect.adds, deletes | effect.deletes
+        needs, adds, deletes = (
+            needs | effect.condition,
+            adds | effect.adds,
+            deletes | effect.deletes,
+        )
         cancels |= effect.cancels
     return _Move(needs & counted, adds & ~cancels & counted, deletes & counted)
 
@@ -77,13 +88,16 @@ def _all_missed(task: GroundTask, counted: Bits, moves: list[_Move]) -> bool:
         state = waiting.pop()
         if any(goal & ~state == 0 for goal in goals) or len(seen) > MAX_COUNTER_STATES:
             return False
-        new = {state & ~move.deletes | move.adds for move in moves if move.needs & ~state == 0} - seen
+        new = {
+            state & ~move.deletes | move.adds for move in moves if move.needs & ~state == 0
+        } - seen
         seen |= new
         waiting += sorted(new)
     return True
 
 
-MAX_QUANTITY_VALUES = 2_000  # values of a quantity; what compares one with more values may be true and false
+# values of a quantity; what compares one with more values may be true and false
+MAX_QUANTITY_VALUES = 2_000
 MAX_SOLVER_NUMBER = 1 << 30  # numbers of the solver have 32 bits
 MAX_QUESTIONS = 3_000  # questions
 MAX_ENCODED_ATOMS = 100_000  # atoms in rules and mutex groups, and values in comparisons
@@ -118,9 +132,13 @@ def _out_of_reach(task: GroundTask) -> bool:
 
 
 def _possible_task(task: GroundTask, axioms: Axioms, effort: Effort) -> GroundTask | None:
-    """The task without operators, effects and goals that no state allows; None if there is nothing to ask, or too much."""
+    """The task without operators, effects and goals that no state allows; None if there is
+    nothing to ask, or too much.
+    """
     questions = sum(_count_questions(operator, axioms) for operator in task.operators)
-    size = sum(rule.body.bit_count() for rule in axioms.rules) + sum(map(int.bit_count, task.mutex_groups))
+    size = sum(rule.body.bit_count() for rule in axioms.rules) + sum(
+        map(int.bit_count, task.mutex_groups)
+    )
     size += sum(_value_count(test, task) or 0 for test in axioms.tests)
     if not 0 < questions <= MAX_QUESTIONS or size > MAX_ENCODED_ATOMS:
         return None
@@ -130,16 +148,22 @@ def _possible_task(task: GroundTask, axioms: Axioms, effort: Effort) -> GroundTa
         if effort.interrupted():
             return None
         operators += (
-            [operator] if not _count_questions(operator, axioms) else _allowed_operators(states, operator)
+            [operator]
+            if not _count_questions(operator, axioms)
+            else _allowed_operators(states, operator)
         )
     return replace(task, operators=tuple(operators), goals=tuple(filter(states.allow, task.goals)))
 
 
 def _count_questions(operator: GroundOperator, axioms: Axioms) -> int:
-    """How many questions an operator asks: one for what it needs, and one for what each effect needs."""
+    """How many questions an operator asks: one for what it needs, and one for what each effect
+    needs.
+    """
     derived = axioms.derived
     effects = sum(
-        1 for effect in operator.conditional if (effect.condition | operator.preconditions) & derived
+        1
+        for effect in operator.conditional
+        if (effect.condition | operator.preconditions) & derived
     )
     return effects + (1 if operator.preconditions & derived else 0)
 
@@ -147,7 +171,9 @@ def _count_questions(operator: GroundOperator, axioms: Axioms) -> int:
 def _allowed_operators(states: "_States", operator: GroundOperator) -> list[GroundOperator]:
     if not states.allow(operator.preconditions):
         return []
-    effects = tuple(e for e in operator.conditional if states.allow(operator.preconditions | e.condition))
+    effects = tuple(
+        e for e in operator.conditional if states.allow(operator.preconditions | e.condition)
+    )
     return [replace(operator, conditional=effects)]
 
 
@@ -175,7 +201,9 @@ def _states_program(task: GroundTask, axioms: Axioms) -> Iterator[str]:
         yield f":- a({complement}), a({atom})."
     bounded = [test for test in axioms.tests if _value_count(test, task) is not None]
     for level in dict.fromkeys(level for test in bounded for level, _ in test.sum.parts):
-        values = "; ".join(f"v({level.number}, {low}..{high})" for low, high in _value_intervals(level, task))
+        values = "; ".join(
+            f"v({level.number}, {low}..{high})" for low, high in _value_intervals(level, task)
+        )
         yield f"1 {{ {values} }} 1."
     for test in axioms.tests:
         yield _comparison_text(test) if test in bounded else f"{{ a({test.atom}) }}."
@@ -183,12 +211,19 @@ def _states_program(task: GroundTask, axioms: Axioms) -> Iterator[str]:
 
 def _comparison_text(test: Comparing) -> str:
     """A comparison, for every value that its quantities can have."""
-    parts = "; ".join(f"{factor}*V,{level.number} : v({level.number}, V)" for level, factor in test.sum.parts)
-    return f"a({test.atom}) :- not #sum {{ {parts} }} {OPPOSITE_SIGNS[test.relation]} {-test.sum.constant}."
+    parts = "; ".join(
+        f"{factor}*V,{level.number} : v({level.number}, V)" for level, factor in test.sum.parts
+    )
+    return (
+        f"a({test.atom}) :- not #sum {{ {parts} }} {OPPOSITE_SIGNS[test.relation]} "
+        f"{-test.sum.constant}."
+    )
 
 
 def _value_count(test: Comparing, task: GroundTask) -> int | None:
-    """How many values its quantities have; None if they are too many, or too large for the solver."""
+    """How many values its quantities have; None if they are too many, or too large for the
+    solver.
+    """
     widths, most = list[int](), abs(test.sum.constant)
     for level, factor in test.sum.parts:
         ends = [end for end in _value_intervals(level, task) if end[0] <= end[1]]
@@ -202,7 +237,9 @@ def _value_count(test: Comparing, task: GroundTask) -> int | None:
 
 
 def _value_intervals(level: QuantityLevel, task: GroundTask) -> list[tuple[int, int]]:
-    """Intervals with every value that a quantity can have: the one at the start, what steps assign, and what they add up to."""
+    """Intervals with every value that a quantity can have: the one at the start, what steps
+    assign, and what they add up to.
+    """
     intervals, up, down = [(level.of(task.initial),) * 2], False, False
     for change in (e for operator in task.operators for e in operator.changes if e.level is level):
         if dict(change.to.parts).get(level) == 1:

@@ -1,4 +1,5 @@
-"""The scheduler: decides when each stage of each job happens, so that everything is done as soon as possible.
+"""The scheduler: decides when each stage of each job happens, so that everything is done as soon as
+possible.
 
 It proves, if it can, that no schedule is shorter.
 """
@@ -25,7 +26,9 @@ class ScheduleRefused(Exception):
 
 
 def schedule_shop(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
-    """The best schedule found for a shop, the proof that there is none, or the reason why the search stopped."""
+    """The best schedule found for a shop, the proof that there is none, or the reason why the
+    search stopped.
+    """
     started = time.perf_counter()
     lags = Lags(shop)
     try:
@@ -36,7 +39,11 @@ def schedule_shop(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timi
     if first is not None:
         _require_valid(shop, first)
     constructed = time.perf_counter()
-    best = first if first is not None and first.proved else _improve_schedule(lags, bound, first, limits)
+    best = (
+        first
+        if first is not None and first.proved
+        else _improve_schedule(lags, bound, first, limits)
+    )
     seconds = {"first schedule": constructed - started, "search": time.perf_counter() - constructed}
     if best is None:
         return GaveUp("no schedule was found within the limits", "time")
@@ -70,7 +77,9 @@ def makespan_horizon(shop: Shop, first: Schedule | None) -> int:
     work = sum(stage.duration for stage in shop.stages.values())
     waits = sum(max(0, window.least) for window in shop.windows)
     travel = sum(max(resource.travel.values(), default=0) for resource in shop.resources)
-    longest = {d.name: max((change.duration for change in d.changes), default=0) for d in shop.devices}
+    longest = {
+        d.name: max((change.duration for change in d.changes), default=0) for d in shop.devices
+    }
     needs = [need.device for stage in shop.stages.values() for need in stage.needs]
     changes = [*needs, *longest]  # each device may need one more change, to its final setting
     trips = travel * (len(shop.stages) + len(changes) + 1)

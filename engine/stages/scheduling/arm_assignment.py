@@ -1,8 +1,9 @@
 """Shares the blocks of a plan out among arms that can do the same steps.
 
-A search looks at costs, so it is content with one arm. A plan of one arm has its blocks one after another, and between them the arm is
-free. So another arm can do any of them at the same place of the plan; the scheduler then has the arms work at once. A few ways to share
-the blocks are worth a try: by their number within a job, so that one arm brings and the other takes away, and by the job.
+A search looks at costs, so it is content with one arm. A plan of one arm has its blocks one after
+another, and between them the arm is free. So another arm can do any of them at the same place of
+the plan; the scheduler then has the arms work at once. A few ways to share the blocks are worth a
+try: by their number within a job, so that one arm brings and the other takes away, and by the job.
 """
 
 from collections import Counter
@@ -12,10 +13,16 @@ from dataclasses import replace
 from cellwright.engine.kernels.bits import Bits, bitset, indices
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask, progress_state
 from cellwright.engine.stages.scheduling.place_holds import exchange_in_atom
-from cellwright.engine.stages.scheduling.plan_blocks import Block, arm_resources, arms_to, cut_blocks
+from cellwright.engine.stages.scheduling.plan_blocks import (
+    Block,
+    arm_resources,
+    arms_to,
+    cut_blocks,
+)
 from cellwright.kb.terms import Function, Term
 
-Chosen = Callable[[int, int, int], int]  # from the number of a job, of a block in it, and of arms: which arm
+# from the number of a job, of a block in it, and of arms: which arm
+Chosen = Callable[[int, int, int], int]
 ASSIGNMENT_RULES: tuple[Chosen, ...] = (
     lambda _job, block, arms: block % arms,
     lambda _job, block, arms: (block + 1) % arms,
@@ -27,7 +34,9 @@ ASSIGNMENT_RULES: tuple[Chosen, ...] = (
 def shared_out(
     task: GroundTask, steps: Sequence[GroundOperator], subjects: Sequence[Term]
 ) -> Iterator[tuple[GroundOperator, ...]]:
-    """The steps with their blocks shared out among all arms of the task, in each way that can be done. Raises `Unstructured`."""
+    """The steps with their blocks shared out among all arms of the task, in each way that can
+    be done. Raises `Unstructured`.
+    """
     hands = arms_to(steps, task.operators, subjects)
     own = arm_resources(steps, subjects)
     if len(hands) < 2:
@@ -47,7 +56,9 @@ def shared_out(
 def _assign_arms(
     blocks: Sequence[Block], subjects: Sequence[Term], way: Chosen, hands: Sequence[Term]
 ) -> Iterator[tuple[Block, Term | None]]:
-    """Each block with the arm that is to do it; None for one that no single arm does, or that prepares a device."""
+    """Each block with the arm that is to do it; None for one that no single arm does, or that
+    prepares a device.
+    """
     numbers = {subject: n for n, subject in enumerate(subjects)}
     count = Counter[Term | None]()
     for block in blocks:
@@ -60,7 +71,9 @@ def _assign_arms(
 
 
 def _steps_by_arms(
-    task: GroundTask, known: dict[Function, GroundOperator], assigned: Iterator[tuple[Block, Term | None]]
+    task: GroundTask,
+    known: dict[Function, GroundOperator],
+    assigned: Iterator[tuple[Block, Term | None]],
 ) -> tuple[GroundOperator, ...] | None:
     """The steps of blocks one after another, each by its arm; None if a step cannot be done so."""
     state, done_steps = task.initial, list[GroundOperator]()

@@ -1,8 +1,8 @@
 """Which arm goes first where arms meet, for the least makespan (CP-SAT).
 
-An arm that rests in the way of another one is in the way until it has taken its next step. So where the place between two steps
-meets a step of another arm, that step comes before both of them, or after both. What no schedule has brought together so far is
-left out, and added when one does.
+An arm that rests in the way of another one is in the way until it has taken its next step. So where
+the place between two steps meets a step of another arm, that step comes before both of them, or
+after both. What no schedule has brought together so far is left out, and added when one does.
 """
 
 import itertools
@@ -24,7 +24,8 @@ MAX_STAY_ROUNDS = 400
 
 @dataclass(frozen=True)
 class Crossing:
-    """What is asked: steps with their durations, in an order that can be executed; pairs that are in order; where arms meet.
+    """What is asked: steps with their durations, in an order that can be executed; pairs that are
+    in order; where arms meet.
 
     No step begins before its `release`.
     """
@@ -37,7 +38,8 @@ class Crossing:
 
 @dataclass(frozen=True, slots=True)
 class _Stay:
-    """An arm is in the way of the step `other` from the start of its step `first` to the end of `last`.
+    """An arm is in the way of the step `other` from the start of its step `first` to the end of
+    `last`.
 
     None for `first`: from the beginning. None for `last`: to the end.
     """
@@ -48,7 +50,9 @@ class _Stay:
 
 
 def schedule_crossing(asked: Crossing, limits: ScheduleLimits) -> PassingOrder | Infeasible | None:
-    """The schedule with the least makespan that is found; None if none was found within the limits."""
+    """The schedule with the least makespan that is found; None if none was found within the
+    limits.
+    """
     before = asked.before | asked.meetings.orders | frozenset(_in_turn(asked.meetings))
     stays = sorted(
         set(_arm_stays(asked.meetings)),
@@ -82,7 +86,9 @@ def _arm_stays(meetings: Meetings) -> Iterator[_Stay]:
         yield _Stay(after, track[at + 1] if at + 1 < len(track) else None, other)
 
 
-def _stay_clashes(stay: _Stay, durations: Mapping[StepId, int], starts: Mapping[StepId, int]) -> bool:
+def _stay_clashes(
+    stay: _Stay, durations: Mapping[StepId, int], starts: Mapping[StepId, int]
+) -> bool:
     """Whether a step is under way while an arm is in its way."""
     begins, ends = starts[stay.other], starts[stay.other] + durations[stay.other]
     late = stay.last is None or begins < starts[stay.last] + durations[stay.last]
@@ -107,11 +113,15 @@ def _solve_crossing(
         if stay.last is None:
             cp.add(after == 0)
         else:
-            cp.add(starts[stay.other] >= starts[stay.last] + lasts[stay.last]).only_enforce_if(after)
+            cp.add(starts[stay.other] >= starts[stay.last] + lasts[stay.last]).only_enforce_if(
+                after
+            )
         if stay.first is None:
             cp.add(after == 1)
         else:
-            cp.add(starts[stay.first] >= starts[stay.other] + lasts[stay.other]).only_enforce_if(~after)
+            cp.add(starts[stay.first] >= starts[stay.other] + lasts[stay.other]).only_enforce_if(
+                ~after
+            )
     cp.minimize(makespan)
     solver = cp_model.CpSolver()
     status = run_solver(solver, cp, limits)
@@ -127,10 +137,15 @@ def _solve_crossing(
 def _settle_crossing(
     asked: Crossing, before: frozenset[StepPair], stays: list[_Stay], crossing: PassingOrder
 ) -> PassingOrder:
-    """The schedule with every step as early as its order allows, and the orders that keep the arms apart."""
+    """The schedule with every step as early as its order allows, and the orders that keep the
+    arms apart.
+    """
     starts, orders = crossing.starts, set[StepPair]()
     for stay in stays:
-        if stay.last is not None and starts[stay.other] >= starts[stay.last] + asked.durations[stay.last]:
+        if (
+            stay.last is not None
+            and starts[stay.other] >= starts[stay.last] + asked.durations[stay.last]
+        ):
             orders.add((stay.last, stay.other))
         elif stay.first is not None:
             orders.add((stay.other, stay.first))
@@ -140,7 +155,10 @@ def _settle_crossing(
     soonest = dict[StepId, int]()
     for n in sorted(
         waits,
-        key=lambda step_number: (starts[step_number], starts[step_number] + asked.durations[step_number]),
+        key=lambda step_number: (
+            starts[step_number],
+            starts[step_number] + asked.durations[step_number],
+        ),
     ):
         ends = (soonest[wait] + asked.durations[wait] for wait in waits[n])
         soonest[n] = max([asked.release.get(n, 0), *ends])

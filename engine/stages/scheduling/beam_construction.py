@@ -5,7 +5,14 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from cellwright.engine.kernels.cancellation import Interrupted, never
-from cellwright.engine.model.shop_scheduling import Adjustment, Changeover, Need, Schedule, Shop, ShopStage
+from cellwright.engine.model.shop_scheduling import (
+    Adjustment,
+    Changeover,
+    Need,
+    Schedule,
+    Shop,
+    ShopStage,
+)
 from cellwright.engine.stages.scheduling.makespan_bounds import (
     Occupation,
     ServiceBatches,
@@ -18,7 +25,9 @@ from cellwright.engine.stages.scheduling.shop_analysis import Lags, alike_jobs, 
 
 @dataclass(frozen=True, slots=True)
 class DeviceStanding:
-    """How a device stands: its setting, since when it has it, and until when some placed stage needs it."""
+    """How a device stands: its setting, since when it has it, and until when some placed stage
+    needs it.
+    """
 
     setting: str
     since: int = 0
@@ -27,7 +36,10 @@ class DeviceStanding:
 
 @dataclass(frozen=True, slots=True)
 class PartialSchedule:
-    """A schedule of some stages. `units` are the times from which each unit of a resource is free again."""
+    """A schedule of some stages.
+
+    `units` are the times from which each unit of a resource is free again.
+    """
 
     starts: Mapping[str, int]
     units: Mapping[str, tuple[int, ...]]
@@ -50,18 +62,25 @@ class PartialSchedule:
 
 
 class Estimates:
-    """Estimates for partial schedules of one shop. What it needs to know about the shop is looked up once."""
+    """Estimates for partial schedules of one shop.
+
+    What it needs to know about the shop is looked up once.
+    """
 
     def __init__(self, lags: Lags) -> None:
         self.lags, self.shop = lags, lags.shop
         single = [resource for resource in self.shop.resources if resource.capacity == 1]
-        self.served = {resource.name: list(resource_occupations(lags, resource)) for resource in single}
+        self.served = {
+            resource.name: list(resource_occupations(lags, resource)) for resource in single
+        }
         self.batches = service_batches(lags)
         self.least = {name: least_travel(lags, served) for name, served in self.served.items()}
         self.concerned = {stage.name: self._concerned(stage) for stage in self.shop.stages.values()}
 
     def after(self, partial: PartialSchedule, stage: ShopStage, start: int) -> PartialSchedule:
-        """A partial schedule whose last stage was placed at a start, with its estimate and its tardiness."""
+        """A partial schedule whose last stage was placed at a start, with its estimate and its
+        tardiness.
+        """
         estimate = max(partial.estimate, start + self.lags.tails[stage.name])
         for name in self.concerned[stage.name] if len(partial.starts) > 1 else self.served:
             estimate = max(estimate, self._remaining(partial, name, self.served[name]))
@@ -71,20 +90,31 @@ class Estimates:
         done = all(job_stage.name in partial.starts for job_stage in job.stages)
         late = 0
         if job.due is not None and done:
-            end = max(partial.starts[job_stage.name] + job_stage.duration for job_stage in job.stages)
+            end = max(
+                partial.starts[job_stage.name] + job_stage.duration for job_stage in job.stages
+            )
             late = job.priority * max(0, end - job.due)
         return replace(partial, estimate=estimate, tardiness=partial.tardiness + late)
 
-    def _remaining(self, partial: PartialSchedule, resource: str, served: Sequence[Occupation]) -> int:
-        """When a resource can have done all its work, tail included. Work under way counts from its start."""
+    def _remaining(
+        self, partial: PartialSchedule, resource: str, served: Sequence[Occupation]
+    ) -> int:
+        """When a resource can have done all its work, tail included.
+
+        Work under way counts from its start.
+        """
         now = max(partial.units[resource], default=0)
-        waiting = [occupation for occupation in served if occupation.first.name not in partial.starts]
+        waiting = [
+            occupation for occupation in served if occupation.first.name not in partial.starts
+        ]
         for served_occupation in served:
             if (
                 served_occupation.first.name in partial.starts
                 and served_occupation.last.name not in partial.starts
             ):
-                now = max(now, partial.starts[served_occupation.first.name] + served_occupation.size)
+                now = max(
+                    now, partial.starts[served_occupation.first.name] + served_occupation.size
+                )
         if not waiting:
             return now
         least = self.least[resource]
@@ -99,7 +129,9 @@ class Estimates:
         """
         pairs = zip(served.stages, served.entries, strict=True)
         waiting = [
-            (stage, entry in partial.starts) for stage, entry in pairs if stage.name not in partial.starts
+            (stage, entry in partial.starts)
+            for stage, entry in pairs
+            if stage.name not in partial.starts
         ]
         standing = partial.devices[served.device]
         joining = standing.setting == served.setting and standing.until > standing.since
@@ -113,8 +145,12 @@ class Estimates:
         return now + gap + served.least([stage.duration for stage, _ in left], come) + tail
 
     def _concerned(self, stage: ShopStage) -> list[str]:
-        """The resources whose remaining work may end later once a stage is placed; that of the others stays as it was."""
-        touched = set(stage.resources) | {self.shop.device[need.device].operator for need in stage.needs}
+        """The resources whose remaining work may end later once a stage is placed; that of the
+        others stays as it was.
+        """
+        touched = set(stage.resources) | {
+            self.shop.device[need.device].operator for need in stage.needs
+        }
         for hold in self.shop.holds:
             if any(event and event.stage == stage.name for event in (hold.begin, hold.end)):
                 touched.add(hold.resource)
@@ -123,13 +159,16 @@ class Estimates:
             for name, served in self.served.items()
             if name in touched
             or any(
-                stage in (occupation.first, occupation.last) or touched & set(occupation.first.resources)
+                stage in (occupation.first, occupation.last)
+                or touched & set(occupation.first.resources)
                 for occupation in served
             )
         ]
 
     def _free(self, partial: PartialSchedule, stage: ShopStage) -> int:
-        """When a stage's resources are free and at its origin; 0 for one that is taken for an unknown time."""
+        """When a stage's resources are free and at its origin; 0 for one that is taken for an
+        unknown time.
+        """
         times = [
             partial.units[name][0] + partial.travel(self.shop, name, stage.origin)
             if partial.units[name]
@@ -162,7 +201,9 @@ def construct_schedule(lags: Lags, bound: int, interrupted: Interrupted = never)
             best = schedule_found
         if best is not None and best.makespan == bound and not best.tardiness:
             break
-    return best and replace(best, lower_bound=bound, proved=best.makespan == bound and not best.tardiness)
+    return best and replace(
+        best, lower_bound=bound, proved=best.makespan == bound and not best.tardiness
+    )
 
 
 def _schedule_value(schedule: Schedule) -> tuple[int, int]:
@@ -192,7 +233,9 @@ class ScheduleBuilder:
         for _ in self.shop.stages:
             if interrupted():
                 kept = (
-                    [child for partial in kept for child in self._first_child(partial)] if width == 1 else []
+                    [child for partial in kept for child in self._first_child(partial)]
+                    if width == 1
+                    else []
                 )
                 continue
             children = [child for partial in kept for child in self._children(partial)]
@@ -204,12 +247,15 @@ class ScheduleBuilder:
         for hold in self.shop.holds:
             if hold.begin is None:
                 units[hold.resource] = units[hold.resource][1:]
-        places = {resource.name: resource.home for resource in self.shop.resources if resource.travel}
+        places = {
+            resource.name: resource.home for resource in self.shop.resources if resource.travel
+        }
         devices = {device.name: DeviceStanding(device.initial) for device in self.shop.devices}
         return PartialSchedule({}, units, places, devices)
 
     def _children(self, partial: PartialSchedule) -> list[PartialSchedule]:
-        """The partial schedules with one more stage, which starts before another one could have ended.
+        """The partial schedules with one more stage, which starts before another one could have
+        ended.
 
         Giffler & Thompson 1960. Of jobs that are alike, only the first one not yet begun may begin.
         """
@@ -230,7 +276,9 @@ class ScheduleBuilder:
     def _ready(self, partial: PartialSchedule) -> Iterator[ShopStage]:
         """The stages that may be placed next: what must come before them is placed."""
         waiting = {
-            queued for queue in self.queue for queued in [n for n in queue if n not in partial.starts][1:]
+            queued
+            for queue in self.queue
+            for queued in [n for n in queue if n not in partial.starts][1:]
         }
         for name, stage in self.shop.stages.items():
             if (
@@ -243,7 +291,9 @@ class ScheduleBuilder:
     def _placed(
         self, partial: PartialSchedule, stage: ShopStage, estimated: bool = True
     ) -> PartialSchedule | None:
-        """The partial schedule with one more stage, as early as possible; None if the stage cannot come now."""
+        """The partial schedule with one more stage, as early as possible; None if the stage
+        cannot come now.
+        """
         changed = self._changed(partial, stage)
         if changed is None:
             return None
@@ -266,7 +316,9 @@ class ScheduleBuilder:
         return self.estimates.after(made, stage, start) if estimated else made
 
     def _changed(self, partial: PartialSchedule, stage: ShopStage) -> PartialSchedule | None:
-        """The partial schedule after a stage's device changes, in order of their begins; None if impossible."""
+        """The partial schedule after a stage's device changes, in order of their begins; None
+        if impossible.
+        """
         for _ in stage.needs:
             wanted = [
                 (self._change_start(partial, change, need), need.device, change)
@@ -285,7 +337,9 @@ class ScheduleBuilder:
         return partial if fits else None
 
     def _change(self, partial: PartialSchedule, need: Need) -> Changeover | None:
-        return self.shop.device[need.device].change(partial.devices[need.device].setting, need.setting)
+        return self.shop.device[need.device].change(
+            partial.devices[need.device].setting, need.setting
+        )
 
     def _change_start(self, partial: PartialSchedule, change: Changeover, need: Need) -> int:
         operator = self.shop.device[need.device].operator
@@ -297,7 +351,9 @@ class ScheduleBuilder:
     ) -> PartialSchedule:
         operator, end = self.shop.device[name].operator, start + change.duration
         places = (
-            {**partial.places, operator: change.destination} if operator in partial.places else partial.places
+            {**partial.places, operator: change.destination}
+            if operator in partial.places
+            else partial.places
         )
         return replace(
             partial,
@@ -308,9 +364,13 @@ class ScheduleBuilder:
         )
 
     def _earliest(self, partial: PartialSchedule, stage: ShopStage) -> int | None:
-        """When a stage can start if its devices stay as they are; None if a resource is never free again."""
+        """When a stage can start if its devices stay as they are; None if a resource is never
+        free again.
+        """
         times = [self.lags.heads[stage.name]]
-        times += [partial.starts[e] + lag for e, lag in self.before[stage.name] if e in partial.starts]
+        times += [
+            partial.starts[e] + lag for e, lag in self.before[stage.name] if e in partial.starts
+        ]
         times += [partial.devices[need.device].since - need.begin for need in stage.needs]
         for name in stage.resources:
             if not partial.units[name]:
@@ -332,8 +392,12 @@ class ScheduleBuilder:
             if later_stage in partial.starts
         )
 
-    def _taken(self, partial: PartialSchedule, stage: ShopStage, start: int) -> dict[str, tuple[int, ...]]:
-        """When the units are free after a stage: it takes its resources, begins some holds, and ends others."""
+    def _taken(
+        self, partial: PartialSchedule, stage: ShopStage, start: int
+    ) -> dict[str, tuple[int, ...]]:
+        """When the units are free after a stage: it takes its resources, begins some holds, and
+        ends others.
+        """
         units = dict(partial.units)
         for name in stage.resources:
             units[name] = tuple(sorted((*units[name][1:], start + stage.duration)))
@@ -341,11 +405,15 @@ class ScheduleBuilder:
             if hold.begin and hold.begin.stage == stage.name:
                 units[hold.resource] = units[hold.resource][1:]
             if hold.end and hold.end.stage == stage.name:
-                units[hold.resource] = tuple(sorted((*units[hold.resource], start + hold.end.offset)))
+                units[hold.resource] = tuple(
+                    sorted((*units[hold.resource], start + hold.end.offset))
+                )
         return units
 
     def _finish(self, partial: PartialSchedule) -> Schedule | None:
-        """The whole schedule, with each device changed to its final setting; None if a device cannot be."""
+        """The whole schedule, with each device changed to its final setting; None if a device
+        cannot be.
+        """
         for device in self.shop.devices:
             standing = partial.devices[device.name]
             if device.final and standing.setting != device.final:

@@ -1,7 +1,7 @@
 """The checker of schedules: whether a schedule keeps all rules of its shop.
 
-It replays start times and shares no code with the solver. Each rule is one function that yields what is
-wrong, in plain words.
+It replays start times and shares no code with the solver. Each rule is one function that yields
+what is wrong, in plain words.
 """
 
 import heapq
@@ -27,7 +27,14 @@ def check_schedule(shop: Shop, schedule: Schedule) -> tuple[str, ...]:
     missing = [name for name in shop.stages if name not in schedule.starts]
     if missing:
         return tuple(f"{name} is never started" for name in missing)
-    rules = (_check_releases, _check_windows, _check_loads, _check_travels, _check_devices, _check_sums)
+    rules = (
+        _check_releases,
+        _check_windows,
+        _check_loads,
+        _check_travels,
+        _check_devices,
+        _check_sums,
+    )
     return tuple(wrong for rule in rules for wrong in rule(shop, schedule))
 
 
@@ -36,7 +43,10 @@ def _check_releases(shop: Shop, schedule: Schedule) -> Iterator[str]:
         for stage in job.stages:
             start = schedule.starts[stage.name]
             if start < max(0, job.release):
-                yield f"{stage.name} starts at {start}, before {job.name} is released at {job.release}"
+                yield (
+                    f"{stage.name} starts at {start}, before {job.name} is released at "
+                    f"{job.release}"
+                )
 
 
 def _moment_time(schedule: Schedule, moment: StageMoment) -> int:
@@ -57,7 +67,9 @@ def _check_loads(shop: Shop, schedule: Schedule) -> Iterator[str]:
     for resource in shop.resources:
         taken = sorted(_taken_intervals(shop, schedule, resource))
         yield from (
-            f"the {name} ends at {end}, before it begins" for begin, end, name in taken if end < begin
+            f"the {name} ends at {end}, before it begins"
+            for begin, end, name in taken
+            if end < begin
         )
         yield from itertools.islice(_overfull_moments(resource, taken), 1)
 
@@ -73,7 +85,10 @@ def _overfull_moments(resource: Resource, taken: Sequence[Interval]) -> Iterator
                 heapq.heappush(serving, (end, name))
         if len(serving) > resource.capacity:
             names = [name for begin, end, name in taken if begin <= moment < end]
-            yield f"{resource.name} has capacity {resource.capacity}, but at {moment} it serves {', '.join(names)}"
+            yield (
+                f"{resource.name} has capacity {resource.capacity}, but at {moment} it serves "
+                f"{', '.join(names)}"
+            )
 
 
 def _taken_intervals(shop: Shop, schedule: Schedule, resource: Resource) -> Iterator[Interval]:
@@ -108,7 +123,10 @@ def _check_travels(shop: Shop, schedule: Schedule) -> Iterator[str]:
         for first, second in itertools.pairwise(works):
             needed = resource.travel.get((first[4], second[3]), 0)
             if second[0] - first[1] < needed:
-                yield f"{resource.name} needs {needed} from {first[2]} to {second[2]}, but has {second[0] - first[1]}"
+                yield (
+                    f"{resource.name} needs {needed} from {first[2]} to {second[2]}, but has "
+                    f"{second[0] - first[1]}"
+                )
 
 
 def _resource_works(shop: Shop, schedule: Schedule, resource: Resource) -> Iterator[PlacedWork]:
@@ -137,7 +155,9 @@ def _check_devices(shop: Shop, schedule: Schedule) -> Iterator[str]:
         )
         yield from _replay_changes(device, changes)
         for stage in shop.stages.values():
-            for need in (stage_need for stage_need in stage.needs if stage_need.device == device.name):
+            for need in (
+                stage_need for stage_need in stage.needs if stage_need.device == device.name
+            ):
                 start = schedule.starts[stage.name]
                 begin, end = start + need.begin, start + need.end
                 if not _keeps_setting(device, changes, need.setting, begin, end):
@@ -152,7 +172,9 @@ def _replay_changes(device: ShopDevice, changes: list[Adjustment]) -> Iterator[s
     setting, ready = device.initial, 0
     for change in changes:
         if change.change not in device.changes:
-            yield f"{device.name} cannot change from {change.change.before} to {change.change.after}"
+            yield (
+                f"{device.name} cannot change from {change.change.before} to {change.change.after}"
+            )
         if change.change.before != setting or change.start < ready:
             yield f"{device.name} is not {change.change.before} at {change.start}"
         setting, ready = change.change.after, change.start + change.change.duration
@@ -160,17 +182,27 @@ def _replay_changes(device: ShopDevice, changes: list[Adjustment]) -> Iterator[s
         yield f"{device.name} is left {setting}, not {device.final}"
 
 
-def _keeps_setting(device: ShopDevice, changes: list[Adjustment], setting: str, begin: int, end: int) -> bool:
-    """Whether the device has the setting from `begin` to `end` without a break and is not changed meanwhile."""
-    if any(change.start < end and change.start + change.change.duration > begin for change in changes):
+def _keeps_setting(
+    device: ShopDevice, changes: list[Adjustment], setting: str, begin: int, end: int
+) -> bool:
+    """Whether the device has the setting from `begin` to `end` without a break and is not
+    changed meanwhile.
+    """
+    if any(
+        change.start < end and change.start + change.change.duration > begin for change in changes
+    ):
         return False
-    before = [change.change.after for change in changes if change.start + change.change.duration <= begin]
+    before = [
+        change.change.after for change in changes if change.start + change.change.duration <= begin
+    ]
     return (before[-1] if before else device.initial) == setting
 
 
 def _check_sums(shop: Shop, schedule: Schedule) -> Iterator[str]:
     ends = {name: schedule.starts[name] + stage.duration for name, stage in shop.stages.items()}
-    last = max([*ends.values(), *(e.start + e.change.duration for e in schedule.adjustments)], default=0)
+    last = max(
+        [*ends.values(), *(e.start + e.change.duration for e in schedule.adjustments)], default=0
+    )
     if schedule.makespan != last:
         yield f"the makespan is {last}, not {schedule.makespan}"
     late = 0

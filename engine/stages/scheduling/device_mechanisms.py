@@ -1,7 +1,7 @@
 """Finds doors and lids in a task: device settings that an arm changes by itself.
 
-Each device is a small automaton over the atoms that its steps change together. Its settings are the states
-that blocks of the plan need. A change of setting is a shortest path of steps.
+Each device is a small automaton over the atoms that its steps change together. Its settings are the
+states that blocks of the plan need. A change of setting is a shortest path of steps.
 """
 
 import heapq
@@ -11,7 +11,12 @@ from dataclasses import dataclass
 from cellwright.engine.kernels.bits import Bits
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask, progress_state
 from cellwright.engine.model.shop_scheduling import Changeover, Need, ShopDevice
-from cellwright.engine.stages.scheduling.plan_blocks import Block, Unstructured, atoms_about, atoms_touched
+from cellwright.engine.stages.scheduling.plan_blocks import (
+    Block,
+    Unstructured,
+    atoms_about,
+    atoms_touched,
+)
 from cellwright.kb.terms import Term
 
 MAX_STATES = 500  # that one device may have
@@ -23,7 +28,9 @@ PlaceOfStep = Callable[[GroundOperator], str]
 
 @dataclass(frozen=True)
 class DeviceMechanism:
-    """A device of the shop and what it means in the task: its `atoms`, and the steps of each change."""
+    """A device of the shop and what it means in the task: its `atoms`, and the steps of each
+    change.
+    """
 
     device: ShopDevice
     atoms: Bits
@@ -66,13 +73,19 @@ def find_mechanisms(
             and not atoms_touched(candidate) & ~(prepared | every)
             and not (candidate.preconditions | candidate.adds) & every & ~about
         ]
-        for atoms in _disjoint_atoms([atoms_touched(able_operator) & ~every for able_operator in able]):
+        for atoms in _disjoint_atoms(
+            [atoms_touched(able_operator) & ~every for able_operator in able]
+        ):
             if any(atoms & mechanism.atoms for mechanism in mechanisms_found):
                 continue
             own = [able_operator for able_operator in able if atoms_touched(able_operator) & atoms]
-            name = _mechanism_name(own, arm, [mechanism.device.name for mechanism in mechanisms_found])
+            name = _mechanism_name(
+                own, arm, [mechanism.device.name for mechanism in mechanisms_found]
+            )
             mechanisms_found.append(
-                _MechanismFinder(task, atoms, about, own, place).mechanism(name, str(arm), blocks, goals)
+                _MechanismFinder(task, atoms, about, own, place).mechanism(
+                    name, str(arm), blocks, goals
+                )
             )
     return tuple(mechanisms_found)
 
@@ -106,17 +119,24 @@ class _MechanismFinder:
     operators: Sequence[GroundOperator]
     place: PlaceOfStep
 
-    def mechanism(self, name: str, arm: str, blocks: Sequence[Block], goals: Bits) -> DeviceMechanism:
+    def mechanism(
+        self, name: str, arm: str, blocks: Sequence[Block], goals: Bits
+    ) -> DeviceMechanism:
         start = self.task.initial & (self.atoms | self.about)
         reached = self._from(start)
         home = self.task.initial & self.about
         modes = {
-            state: cost_and_path for state, cost_and_path in reached.items() if state & self.about == home
+            state: cost_and_path
+            for state, cost_and_path in reached.items()
+            if state & self.about == home
         }
         wanted = self._wanted(name, blocks)
         final = goals & self.atoms
         chosen = _choose_settings({*wanted, *([final] if final else [])}, modes)
-        names = {mode: self._said([w for w, m in chosen.items() if m == mode]) for mode in chosen.values()}
+        names = {
+            mode: self._said([w for w, m in chosen.items() if m == mode])
+            for mode in chosen.values()
+        }
         names.setdefault(start, INITIAL_SETTING)
         paths = {
             (names[before], names[after]): path
@@ -127,7 +147,10 @@ class _MechanismFinder:
         changes = tuple(self._change(pair, path) for pair, path in paths.items())
         device = ShopDevice(name, arm, names[start], changes, names[chosen[final]] if final else "")
         return DeviceMechanism(
-            device, self.atoms, {need_atoms: names[mode] for need_atoms, mode in chosen.items()}, paths
+            device,
+            self.atoms,
+            {need_atoms: names[mode] for need_atoms, mode in chosen.items()},
+            paths,
         )
 
     def _wanted(self, name: str, blocks: Sequence[Block]) -> set[Bits]:
@@ -143,7 +166,9 @@ class _MechanismFinder:
         return needed - {0}
 
     def _from(self, start: Bits) -> dict[Bits, tuple[int, ChangePath]]:
-        """The states that can be reached, each with the time and the steps of a shortest path (Dijkstra)."""
+        """The states that can be reached, each with the time and the steps of a shortest path
+        (Dijkstra).
+        """
         reached_states: dict[Bits, tuple[int, ChangePath]] = {}
         waiting: list[tuple[int, int, Bits, ChangePath]] = [(0, 0, start, ())]
         count = 0
@@ -158,7 +183,9 @@ class _MechanismFinder:
                 if operator.preconditions & ~state == 0:
                     count += 1
                     after = progress_state(state, operator) & (self.atoms | self.about)
-                    heapq.heappush(waiting, (time + operator.duration, count, after, (*path, operator)))
+                    heapq.heappush(
+                        waiting, (time + operator.duration, count, after, (*path, operator))
+                    )
         return reached_states
 
     def _said(self, wanted: Sequence[Bits]) -> str:
@@ -172,8 +199,12 @@ class _MechanismFinder:
         return Changeover(*pair, duration, self.place(path[0]), self.place(path[-1]))
 
 
-def _choose_settings(wanted: set[Bits], modes: Mapping[Bits, tuple[int, ChangePath]]) -> dict[Bits, Bits]:
-    """The state that fulfils each need: as few states as possible, and those that are reached soonest."""
+def _choose_settings(
+    wanted: set[Bits], modes: Mapping[Bits, tuple[int, ChangePath]]
+) -> dict[Bits, Bits]:
+    """The state that fulfils each need: as few states as possible, and those that are reached
+    soonest.
+    """
     chosen: dict[Bits, Bits] = {}
     fitting = {needed: [mode for mode in modes if needed & ~mode == 0] for needed in wanted}
     for need_atoms in sorted(wanted, key=lambda w: (len(fitting[w]), w)):

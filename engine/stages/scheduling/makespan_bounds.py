@@ -1,9 +1,9 @@
 """Lower bounds of the makespan: longest paths, resource work, and batches.
 
-The work of a resource is a one-machine problem with heads and tails, solved with preemption (Jackson's
-schedule; Carlier 1982). A place may be filled during one stage and emptied during another, always by the same
-arm. Then it is taken from the start of the first stage to the end of the second, because the arm does one
-thing at a time.
+The work of a resource is a one-machine problem with heads and tails, solved with preemption
+(Jackson's schedule; Carlier 1982). A place may be filled during one stage and emptied during
+another, always by the same arm. Then it is taken from the start of the first stage to the end of
+the second, because the arm does one thing at a time.
 """
 
 import heapq
@@ -11,13 +11,21 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from cellwright.engine.model.shop_scheduling import Hold, Need, Resource, Shop, ShopStage, StageMoment
+from cellwright.engine.model.shop_scheduling import (
+    Hold,
+    Need,
+    Resource,
+    Shop,
+    ShopStage,
+    StageMoment,
+)
 from cellwright.engine.stages.scheduling.shop_analysis import NO_LAG, Lags, first_needs, last_needs
 
 
 @dataclass(frozen=True, slots=True)
 class Occupation:
-    """A unit of a resource is taken for at least `size`, not before `head`; at least `tail` follows.
+    """A unit of a resource is taken for at least `size`, not before `head`; at least `tail`
+    follows.
 
     `first` and `last` are the stages during which the occupation begins and ends.
     """
@@ -30,7 +38,10 @@ class Occupation:
 
 
 def makespan_lower_bound(lags: Lags) -> int:
-    """No schedule of the shop ends before this. Raises `Contradiction` if there is no schedule at all."""
+    """No schedule of the shop ends before this.
+
+    Raises `Contradiction` if there is no schedule at all.
+    """
     paths = [lags.heads[name] + lags.tails[name] for name in lags.shop.stages]
     served = [resource_bound(lags, resource) for resource in lags.shop.resources]
     return max([0, *paths, *served])
@@ -44,7 +55,10 @@ def resource_bound(lags: Lags, resource: Resource) -> int:
     if resource.capacity == 1:
         least = least_travel(lags, taken)
         return jackson_bound(
-            [(occupation.head, occupation.size + least, occupation.tail - least) for occupation in taken]
+            [
+                (occupation.head, occupation.size + least, occupation.tail - least)
+                for occupation in taken
+            ]
         )
     work = sum(occupation.size for occupation in taken)
     return (
@@ -55,7 +69,9 @@ def resource_bound(lags: Lags, resource: Resource) -> int:
 
 
 def jackson_bound(works: Sequence[tuple[int, int, int]]) -> int:
-    """The end of the preemptive schedule of works (head, size, tail) that always serves the longest tail."""
+    """The end of the preemptive schedule of works (head, size, tail) that always serves the
+    longest tail.
+    """
     waiting = sorted(works)
     ready: list[tuple[int, int]] = []  # (-tail, size that is left)
     now = end = place = 0
@@ -77,12 +93,16 @@ def jackson_bound(works: Sequence[tuple[int, int, int]]) -> int:
 
 def least_travel(lags: Lags, taken: Sequence[Occupation]) -> int:
     """The least empty travel from the end of one occupation to the start of another."""
-    pairs = ((earlier.last, later.first) for earlier in taken for later in taken if earlier is not later)
+    pairs = (
+        (earlier.last, later.first) for earlier in taken for later in taken if earlier is not later
+    )
     return min((_travel_between(lags, last, first) for last, first in pairs), default=0)
 
 
 def _travel_between(lags: Lags, earlier: ShopStage, later: ShopStage) -> int:
-    """The least time in which a resource of both stages goes from the end of one to the start of the other."""
+    """The least time in which a resource of both stages goes from the end of one to the start
+    of the other.
+    """
     shared = set(earlier.resources) & set(later.resources)
     pair = earlier.destination, later.origin
     return max((lags.travel[name].get(pair, 0) for name in shared), default=0)
@@ -99,7 +119,9 @@ def resource_occupations(lags: Lags, resource: Resource) -> Iterator[Occupation]
             tail = lags.tails[stage.name] - stage.duration
             yield Occupation(stage, stage, lags.heads[stage.name], stage.duration, tail)
     for hold in (
-        widen_hold(shop, shop_hold) for shop_hold in shop.holds if shop_hold.resource == resource.name
+        widen_hold(shop, shop_hold)
+        for shop_hold in shop.holds
+        if shop_hold.resource == resource.name
     ):
         if hold.begin is None or hold.end is None:
             continue
@@ -112,7 +134,9 @@ def resource_occupations(lags: Lags, resource: Resource) -> Iterator[Occupation]
 
 
 def widen_hold(shop: Shop, hold: Hold) -> Hold:
-    """The hold from the start of its first stage to the end of its last one, if this is equivalent."""
+    """The hold from the start of its first stage to the end of its last one, if this is
+    equivalent.
+    """
     if not _by_one_arm(shop, shop.resource[hold.resource]):
         return hold
     end = StageMoment(hold.end.stage, shop.stages[hold.end.stage].duration) if hold.end else None
@@ -120,8 +144,12 @@ def widen_hold(shop: Shop, hold: Hold) -> Hold:
 
 
 def _by_one_arm(shop: Shop, resource: Resource) -> bool:
-    """Whether all that takes a resource begins and ends during stages of one other resource of capacity 1."""
-    if resource.capacity != 1 or any(resource.name in stage.resources for stage in shop.stages.values()):
+    """Whether all that takes a resource begins and ends during stages of one other resource of
+    capacity 1.
+    """
+    if resource.capacity != 1 or any(
+        resource.name in stage.resources for stage in shop.stages.values()
+    ):
         return False
     arms = {shop_resource.name for shop_resource in shop.resources if shop_resource.capacity == 1}
     for hold in (shop_hold for shop_hold in shop.holds if shop_hold.resource == resource.name):
@@ -135,11 +163,13 @@ def _by_one_arm(shop: Shop, resource: Resource) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ServiceBatches:
-    """Stages that need `device` at `setting`, each within a hold of one resource, at most `most` at a time.
+    """Stages that need `device` at `setting`, each within a hold of one resource, at most `most` at
+    a time.
 
-    `entries` are the stages that begin those holds. Between two periods at least `away` passes, and at least
-    `entry` more if an object comes in. If several objects come in before the same period, each comes at least
-    `apart` after the one before, because all of them leave the same place, one at a time.
+    `entries` are the stages that begin those holds. Between two periods at least `away` passes, and
+    at least `entry` more if an object comes in. If several objects come in before the same period,
+    each comes at least `apart` after the one before, because all of them leave the same place, one
+    at a time.
     """
 
     device: str
@@ -152,11 +182,12 @@ class ServiceBatches:
     apart: int
 
     def least(self, durations: Sequence[int], inside: int = 0) -> int:
-        """The least time from the start of the first period to the end of the last, given the stages'
-        durations.
+        """The least time from the start of the first period to the end of the last, given the
+        stages' durations.
 
-        The objects of `inside` stages are inside already. If n stages share z periods, at least n - z objects
-        come in together with others. If some do so before the first period, it starts later than it could.
+        The objects of `inside` stages are inside already. If n stages share z periods, at least n -
+        z objects come in together with others. If some do so before the first period, it starts
+        later than it could.
         """
         longest = sorted(durations, reverse=True)
         number, fewest = len(longest), -(-len(longest) // self.most)
@@ -200,8 +231,18 @@ def _batches_at(
 
 
 def _entry_gap(lags: Lags, entries: Sequence[ShopStage], needs: Sequence[Need]) -> int:
-    """The least time between two entries if all come from one place that holds one object at a time; else 0."""
-    if len({(need.begin, need.end, stage.duration) for need, stage in zip(needs, entries, strict=True)}) > 1:
+    """The least time between two entries if all come from one place that holds one object at a
+    time; else 0.
+    """
+    if (
+        len(
+            {
+                (need.begin, need.end, stage.duration)
+                for need, stage in zip(needs, entries, strict=True)
+            }
+        )
+        > 1
+    ):
         return 0
     names = {stage.name for stage in entries}
     for resource in (
@@ -213,13 +254,19 @@ def _entry_gap(lags: Lags, entries: Sequence[ShopStage], needs: Sequence[Need]) 
             if occupation.last.name in names and occupation.first != occupation.last
         ]
         whole = all(occupation.head == lags.heads[occupation.first.name] for occupation in taken)
-        if whole and {occupation.last.name for occupation in taken} == names and len(taken) == len(names):
+        if (
+            whole
+            and {occupation.last.name for occupation in taken} == names
+            and len(taken) == len(names)
+        ):
             return min(occupation.size for occupation in taken) + least_travel(lags, taken)
     return 0
 
 
 def _stages_inside(shop: Shop, hold: Hold) -> Iterator[tuple[ShopStage, Need]]:
-    """The stages within a hold that need another setting of a device than the hold's begin and end need."""
+    """The stages within a hold that need another setting of a device than the hold's begin and
+    end need.
+    """
     if (
         hold.begin is None
         or hold.end is None
@@ -228,7 +275,9 @@ def _stages_inside(shop: Shop, hold: Hold) -> Iterator[tuple[ShopStage, Need]]:
         return
     names = [stage.name for stage in shop.owners[hold.begin.stage].stages]
     first, last = names.index(hold.begin.stage), names.index(hold.end.stage)
-    ordered = {(window.earlier.stage, window.later.stage) for window in shop.windows if window.least >= 0}
+    ordered = {
+        (window.earlier.stage, window.later.stage) for window in shop.windows if window.least >= 0
+    }
     if any((names[n], names[n + 1]) not in ordered for n in range(first, last)):
         return
     entry = last_needs(shop.stages[names[first]])

@@ -1,8 +1,8 @@
 """When places that hold one object are taken, and which places are interchangeable.
 
-One block makes an atom such as `free(slot)` false, and a later block of the same object makes it true again.
-This is a hold of the place, and the order in which objects use the place in the plan need not be kept. Places
-that can be exchanged in the whole task are one resource together.
+One block makes an atom such as `free(slot)` false, and a later block of the same object makes it
+true again. This is a hold of the place, and the order in which objects use the place in the plan
+need not be kept. Places that can be exchanged in the whole task are one resource together.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,10 @@ from cellwright.kb.terms import Function, Term
 
 @dataclass(frozen=True, slots=True)
 class AtomTouch:
-    """A step of a stage needs, ends or makes an atom. `begin` and `end` count from the start of the stage."""
+    """A step of a stage needs, ends or makes an atom.
+
+    `begin` and `end` count from the start of the stage.
+    """
 
     stage: str
     job: str
@@ -39,11 +42,14 @@ class AtomTouch:
         return StageMoment(self.stage, self.end)
 
 
-def place_holds_of(resource: str, touches: Sequence[AtomTouch], initially: bool) -> list[Hold] | None:
-    """The holds of a place, from what touches its atom `free`; None if the atom is about no such place.
+def place_holds_of(
+    resource: str, touches: Sequence[AtomTouch], initially: bool
+) -> list[Hold] | None:
+    """The holds of a place, from what touches its atom `free`; None if the atom is about no such
+    place.
 
-    Each object must give back what it has taken before it takes it again. An object that gives a place back
-    without having taken it was there from the start.
+    Each object must give back what it has taken before it takes it again. An object that gives a
+    place back without having taken it was there from the start.
     """
     jobs: dict[str, list[AtomTouch]] = {}
     for touch in touches:
@@ -59,7 +65,10 @@ def place_holds_of(resource: str, touches: Sequence[AtomTouch], initially: bool)
 
 
 def _holds_of_one(resource: str, touches: Sequence[AtomTouch]) -> list[Hold] | None:
-    """The same for one object. A step that only needs the place to be free takes it while the step lasts."""
+    """The same for one object.
+
+    A step that only needs the place to be free takes it while the step lasts.
+    """
     holds: list[Hold] = []
     taker: AtomTouch | None = None
     for touch in touches:
@@ -95,7 +104,9 @@ class Exchange:
         return {_operator_key(operator) for operator in self.task.operators}
 
     def alike(self, atom: Function) -> tuple[Function, ...]:
-        """The atoms such as `free(place)` whose places can be exchanged with that of `atom`; `atom` is first."""
+        """The atoms such as `free(place)` whose places can be exchanged with that of `atom`;
+        `atom` is first.
+        """
         number = self._index[atom]
         if len(atom.arguments) != 1 or not self.task.initial >> number & 1:
             return (atom,)
@@ -114,7 +125,11 @@ class Exchange:
         )
 
     def _exchangeable(self, one: Term, other: Term) -> bool:
-        if not isinstance(one, Function) or not isinstance(other, Function) or one.name != other.name:
+        if (
+            not isinstance(one, Function)
+            or not isinstance(other, Function)
+            or one.name != other.name
+        ):
             return False
         if one.arguments[:-1] != other.arguments[:-1] or len(one.arguments) != len(other.arguments):
             return False
@@ -132,7 +147,9 @@ class Exchange:
         )
 
     def _swap(self, one: Term, other: Term) -> dict[int, int] | None:
-        """What each atom with one of the terms becomes when they are exchanged; None if one is missing."""
+        """What each atom with one of the terms becomes when they are exchanged; None if one is
+        missing.
+        """
         swaps: dict[int, int] = {}
         for number, atom in enumerate(self.task.atoms):
             if contains_term(atom, one) or contains_term(atom, other):
@@ -150,13 +167,19 @@ def touches_swap(operator: GroundOperator, swap: dict[int, int]) -> bool:
 
 def exchange_in_atom(term: Function, one: Term, other: Term) -> Function:
     """A term in which two of its parts are exchanged."""
-    return Function(term.name, tuple(_exchange_part(argument, one, other) for argument in term.arguments))
+    return Function(
+        term.name, tuple(_exchange_part(argument, one, other) for argument in term.arguments)
+    )
 
 
 def _exchange_part(term: Term, one: Term, other: Term) -> Term:
     if term in (one, other):
         return other if term == one else one
-    return exchange_in_atom(term, one, other) if isinstance(term, Function) and term.arguments else term
+    return (
+        exchange_in_atom(term, one, other)
+        if isinstance(term, Function) and term.arguments
+        else term
+    )
 
 
 def _swap_atoms(bits: Bits, swap: dict[int, int]) -> Bits:
@@ -167,14 +190,18 @@ def _swap_atoms(bits: Bits, swap: dict[int, int]) -> Bits:
 
 
 def _operator_key(
-    operator: GroundOperator, swap: dict[int, int] | None = None, pair: tuple[Term, Term] | None = None
+    operator: GroundOperator,
+    swap: dict[int, int] | None = None,
+    pair: tuple[Term, Term] | None = None,
 ) -> object:
     """What identifies a ground operator, after an exchange of atoms and terms."""
     sets: Iterator[Bits] = iter((operator.preconditions, operator.adds, operator.deletes))
     moved = tuple(_swap_atoms(atoms, swap) if swap else atoms for atoms in sets)
     resources = tuple(_exchange_part(r, *pair) if pair else r for r in operator.resources)
     effects = tuple(
-        tuple(_swap_atoms(b, swap) if swap else b for b in (e.condition, e.adds, e.deletes, e.cancels))
+        tuple(
+            _swap_atoms(b, swap) if swap else b for b in (e.condition, e.adds, e.deletes, e.cancels)
+        )
         for e in operator.conditional
     )
     instance = exchange_in_atom(operator.instance, *pair) if pair else operator.instance

@@ -1,10 +1,10 @@
 """Cuts a plan into blocks, from picking up until the arm is free; removes detours.
 
-Between its tasks the arm must be free. So removing needless orders alone would leave all its steps in one
-fixed order. Blocks are the smallest segments that can be moved as a whole (block deordering: Siddiqui &
-Haslum 2012). Some blocks serve an object of the workflow. Others only change a device (door, lid); the
-schedule makes these anew where they are needed. Several arms each have blocks of their own; a step of two arms is in a
-block of both.
+Between its tasks the arm must be free. So removing needless orders alone would leave all its steps
+in one fixed order. Blocks are the smallest segments that can be moved as a whole (block deordering:
+Siddiqui & Haslum 2012). Some blocks serve an object of the workflow. Others only change a device
+(door, lid); the schedule makes these anew where they are needed. Several arms each have blocks of
+their own; a step of two arms is in a block of both.
 """
 
 from collections import Counter
@@ -24,7 +24,9 @@ class Unstructured(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Steps done one after another without a break; `subject` is the object of the workflow that they serve."""
+    """Steps done one after another without a break; `subject` is the object of the workflow
+    that they serve.
+    """
 
     steps: tuple[GroundOperator, ...]
     ends: tuple[Bits, ...]  # for each step, the atoms that were true and that it ends
@@ -50,33 +52,49 @@ class Block:
 def contains_term(term: Term, part: Term) -> bool:
     """Whether `part` is `term` or occurs in it."""
     return term == part or (
-        isinstance(term, Function) and any(contains_term(argument, part) for argument in term.arguments)
+        isinstance(term, Function)
+        and any(contains_term(argument, part) for argument in term.arguments)
     )
 
 
 def arm_resource(steps: Sequence[GroundOperator | Step], subjects: Sequence[Term] = ()) -> Term:
-    """The resource that most steps hold, beside the objects that they serve. Raises `Unstructured` if no step holds one."""
-    held = Counter(resource for step in steps for resource in step.resources if resource not in subjects)
+    """The resource that most steps hold, beside the objects that they serve.
+
+    Raises `Unstructured` if no step holds one.
+    """
+    held = Counter(
+        resource for step in steps for resource in step.resources if resource not in subjects
+    )
     if not held:
         raise Unstructured("no step holds a resource")
     return min(held, key=lambda resource: (-held[resource], str(resource)))
 
 
-def arm_resources(steps: Sequence[GroundOperator], subjects: Sequence[Term] = ()) -> tuple[Term, ...]:
-    """The resource that most steps hold, and those that do the same kinds of steps in its place. Raises `Unstructured`."""
+def arm_resources(
+    steps: Sequence[GroundOperator], subjects: Sequence[Term] = ()
+) -> tuple[Term, ...]:
+    """The resource that most steps hold, and those that do the same kinds of steps in its place.
+
+    Raises `Unstructured`.
+    """
     return arms_to(steps, steps, subjects)
 
 
 def arms_to(
     steps: Sequence[GroundOperator], able: Iterable[GroundOperator], subjects: Sequence[Term] = ()
 ) -> tuple[Term, ...]:
-    """The resource that most steps hold, and those that can do the same kinds of steps, as operators in `able` say.
+    """The resource that most steps hold, and those that can do the same kinds of steps, as
+    operators in `able` say.
 
     `subjects` are the objects that steps serve, which are no arms. Raises `Unstructured`.
     """
     first = arm_resource(steps, subjects)
-    kinds = {kind for step in steps for kind, resource in _resource_arguments(step) if resource == first}
-    others = {resource for step in able for kind, resource in _resource_arguments(step) if kind in kinds} - {
+    kinds = {
+        kind for step in steps for kind, resource in _resource_arguments(step) if resource == first
+    }
+    others = {
+        resource for step in able for kind, resource in _resource_arguments(step) if kind in kinds
+    } - {
         first,
         *subjects,
     }
@@ -84,7 +102,9 @@ def arms_to(
 
 
 def _resource_arguments(step: GroundOperator) -> Iterator[tuple[tuple[str, int], Term]]:
-    """The resources among the arguments of a step, each with the name of the operator and its place there."""
+    """The resources among the arguments of a step, each with the name of the operator and its
+    place there.
+    """
     for place, argument in enumerate(step.instance.arguments):
         if argument in step.resources:
             yield (step.instance.name, place), argument
@@ -98,9 +118,14 @@ def atoms_about(task: GroundTask, *terms: Term) -> Bits:
 
 
 def cut_blocks(
-    task: GroundTask, steps: Sequence[GroundOperator], arms: Sequence[Term], subjects: Sequence[Term]
+    task: GroundTask,
+    steps: Sequence[GroundOperator],
+    arms: Sequence[Term],
+    subjects: Sequence[Term],
 ) -> list[Block]:
-    """The blocks of a plan in the order in which they begin; a step without an arm is its own block. Raises `Unstructured`."""
+    """The blocks of a plan in the order in which they begin; a step without an arm is its own
+    block. Raises `Unstructured`.
+    """
     about = {arm: atoms_about(task, arm) for arm in arms}
     home = {arm: home_state(task, steps, arm) for arm in arms}
     for arm in arms:
@@ -143,7 +168,10 @@ class _Segment:
 
 
 def _join_segments(segments: list[_Segment], open_: Sequence[_Segment]) -> _Segment:
-    """The segment that goes on: a new one, or the one that is open. Raises `Unstructured` if there are several."""
+    """The segment that goes on: a new one, or the one that is open.
+
+    Raises `Unstructured` if there are several.
+    """
     several = list(dict.fromkeys(open_))
     if not several:
         segments.append(_Segment())
@@ -154,7 +182,9 @@ def _join_segments(segments: list[_Segment], open_: Sequence[_Segment]) -> _Segm
 
 
 def home_state(task: GroundTask, steps: Sequence[GroundOperator], arm: Term) -> Bits:
-    """What is most often true of the arm between its steps: this is the state in which it is free."""
+    """What is most often true of the arm between its steps: this is the state in which it is
+    free.
+    """
     about, state = atoms_about(task, arm), task.initial
     seen = Counter([state & about])
     for step in steps:
@@ -166,7 +196,9 @@ def home_state(task: GroundTask, steps: Sequence[GroundOperator], arm: Term) -> 
 
 def _block_of(segment: _Segment, subjects: Sequence[Term], stages: Bits) -> Block:
     done = segment.done
-    mentioned = [s for s in subjects if any(contains_term(done_step.step.instance, s) for done_step in done)]
+    mentioned = [
+        s for s in subjects if any(contains_term(done_step.step.instance, s) for done_step in done)
+    ]
     if len(mentioned) > 1:
         raise Unstructured(f"{' and '.join(map(str, mentioned))} are moved by one block")
     reaches = any((done_step.ends | done_step.makes) & stages for done_step in done)
@@ -201,7 +233,9 @@ def remove_detours(blocks: Sequence[Block], loose: Bits) -> list[Block]:
 
 
 def necessary_blocks(task: GroundTask, blocks: Sequence[Block], goals: Bits) -> list[Block]:
-    """The blocks without those that serve no object of the workflow and that no later block needs."""
+    """The blocks without those that serve no object of the workflow and that no later block
+    needs.
+    """
     kept = list(blocks)
     if not _reaches_goals(
         task, kept, goals
@@ -234,7 +268,8 @@ def changes_state(block: Block) -> bool:
     first: dict[int, bool] = {}
     for ends, makes in zip(block.ends, block.makes, strict=True):
         for atom in indices(ends | makes):
-            first.setdefault(atom, bool(ends >> atom & 1))  # an atom that is ended first was true before
+            # an atom that is ended first was true before
+            first.setdefault(atom, bool(ends >> atom & 1))
     return len(block.steps) == 1 or any(state[atom] != before for atom, before in first.items())
 
 
@@ -242,7 +277,11 @@ def _next_of_subject(blocks: Sequence[Block], place: int) -> int | None:
     """The index of the next block of the same object; None if there is none."""
     subject = blocks[place].subject
     later = range(place + 1, len(blocks))
-    return next((n for n in later if blocks[n].subject == subject), None) if subject is not None else None
+    return (
+        next((n for n in later if blocks[n].subject == subject), None)
+        if subject is not None
+        else None
+    )
 
 
 def _undoes_end(first: Block, second: Block) -> bool:
@@ -251,8 +290,12 @@ def _undoes_end(first: Block, second: Block) -> bool:
     return longer and (second.ends[0], second.makes[0]) == (first.makes[-1], first.ends[-1])
 
 
-def _join_blocks(blocks: Sequence[Block], first: int, second: int, minded: Bits) -> list[Block] | None:
-    """The blocks with two of them made one, at the place of the first or the second; None if neither works."""
+def _join_blocks(
+    blocks: Sequence[Block], first: int, second: int, minded: Bits
+) -> list[Block] | None:
+    """The blocks with two of them made one, at the place of the first or the second; None if
+    neither works.
+    """
     first_block, second_block = blocks[first], blocks[second]
     between = list(blocks[first + 1 : second])
     changed = 0

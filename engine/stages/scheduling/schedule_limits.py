@@ -9,9 +9,9 @@ from cellwright.engine.kernels.cancellation import Interrupted, never
 class ScheduleLimits:
     """`work` is a limit on the solver's deterministic time, which is about seconds of one core.
 
-    If it is the only limit, answers repeat exactly. With more than one of `workers`, they race: the answer
-    comes sooner, but is not always the same. `interrupted` is asked now and then whether to stop with the
-    best schedule so far.
+    If it is the only limit, answers repeat exactly. With more than one of `workers`, they race: the
+    answer comes sooner, but is not always the same. `interrupted` is asked now and then whether to
+    stop with the best schedule so far.
     """
 
     work: float = 60.0

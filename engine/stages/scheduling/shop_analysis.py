@@ -29,7 +29,8 @@ def shortest_travel(shop: Shop, resource: Resource) -> Table:
         return {}
     moves = list(_resource_moves(shop, resource))
     between = sorted({place for one, other, _ in moves for place in (one, other)})
-    places = sorted({resource.home, *between})  # if nothing is done at home, no way leads through it
+    # if nothing is done at home, no way leads through it
+    places = sorted({resource.home, *between})
     best = {(a, b): 0 if a == b else resource.travel.get((a, b), 0) for a in places for b in places}
     for one, other, lasts in moves:
         best[one, other] = min(best[one, other], lasts)
@@ -55,7 +56,9 @@ def _resource_moves(shop: Shop, resource: Resource) -> Iterator[tuple[str, str, 
             yield stage.origin, stage.destination, stage.duration
     for device in shop.devices:
         if device.operator == resource.name:
-            yield from ((change.origin, change.destination, change.duration) for change in device.changes)
+            yield from (
+                (change.origin, change.destination, change.duration) for change in device.changes
+            )
 
 
 NO_LAG = -(10**12)  # the lag between two stages that are not ordered
@@ -67,15 +70,22 @@ class CircularLags(Exception):
 
 @dataclass(frozen=True)
 class Lags:
-    """The least times between the starts of the stages of a shop, over all paths. Raises `CircularLags`."""
+    """The least times between the starts of the stages of a shop, over all paths.
+
+    Raises `CircularLags`.
+    """
 
     shop: Shop
 
     @cached_property
     def direct(self) -> dict[tuple[str, str], int]:
-        """The lag of each pair of stages that a window or a hold joins, with the device changes between them."""
+        """The lag of each pair of stages that a window or a hold joins, with the device changes
+        between them.
+        """
         lags: dict[tuple[str, str], int] = {}
-        holds = (StageWindow(hold.begin, hold.end) for hold in self.shop.holds if hold.begin and hold.end)
+        holds = (
+            StageWindow(hold.begin, hold.end) for hold in self.shop.holds if hold.begin and hold.end
+        )
         for window in (*self.shop.windows, *holds):
             earlier, later = window.earlier, window.later
             lag = earlier.offset + window.least - later.offset
@@ -101,18 +111,22 @@ class Lags:
 
     @cached_property
     def tails(self) -> dict[str, int]:
-        """The least time from the start of each stage to the end of everything that depends on it, itself included."""
+        """The least time from the start of each stage to the end of everything that depends on
+        it, itself included.
+        """
         last = {name: stage.duration for name, stage in self.shop.stages.items()}
         return self._longest(last, {(b, a): lag for (a, b), lag in self.direct.items()})
 
     @cached_property
     def travel(self) -> dict[str, Table]:
         """For each resource, the least travel times between places."""
-        return {resource.name: shortest_travel(self.shop, resource) for resource in self.shop.resources}
+        return {
+            resource.name: shortest_travel(self.shop, resource) for resource in self.shop.resources
+        }
 
     def setup(self, one: ShopStage | None, other: ShopStage) -> int:
-        """The least time from the start of `one` (None: time 0) to that of `other`, with devices changed
-        between.
+        """The least time from the start of `one` (None: time 0) to that of `other`, with devices
+        changed between.
         """
         needed: dict[str, list[tuple[Changeover, int, int]]] = {}
         for need in first_needs(other).values():
@@ -146,17 +160,26 @@ class Lags:
         """
         home = self.shop.resource[operator].home
         here = home if one is None else one.destination if operator in one.resources else None
-        since = min(change[1] for change in changes) if one and here is None else one.duration if one else 0
+        since = (
+            min(change[1] for change in changes)
+            if one and here is None
+            else one.duration
+            if one
+            else 0
+        )
         busy = operator in other.resources
         until = 0 if busy else max(change[2] for change in changes)
         ways = itertools.permutations([change[0] for change in changes])
         times = [
-            _changes_time(self.travel[operator], here, way, other.origin if busy else None) for way in ways
+            _changes_time(self.travel[operator], here, way, other.origin if busy else None)
+            for way in ways
         ]
         return since + min(times) - until
 
     def span(self, first: str, last: str) -> int:
-        """The least time from the start of `first` to the start of `last`; `NEVER` if nothing orders them."""
+        """The least time from the start of `first` to the start of `last`; `NEVER` if nothing
+        orders them.
+        """
         longest = dict.fromkeys(self.shop.stages, NO_LAG)
         longest[first] = 0
         return self._longest(longest, self._within(first))[last]
@@ -165,7 +188,9 @@ class Lags:
         names = {job_stage.name for job_stage in self.shop.owners[stage].stages}
         return {(a, b): lag for (a, b), lag in self.direct.items() if a in names and b in names}
 
-    def _longest(self, start: Mapping[str, int], lags: Mapping[tuple[str, str], int]) -> dict[str, int]:
+    def _longest(
+        self, start: Mapping[str, int], lags: Mapping[tuple[str, str], int]
+    ) -> dict[str, int]:
         """The longest paths from `start` (Bellman & Ford), in rounds."""
         best = dict(start)
         following: dict[str, list[tuple[str, int]]] = {}
@@ -185,9 +210,17 @@ class Lags:
         raise CircularLags(min(changed))
 
 
-def _changes_time(travel: Table, here: str | None, way: Sequence[Changeover], there: str | None) -> int:
-    """The time for some changes in a row, with travel from `here` and to `there` if these are known."""
-    places = [here, *(place for change in way for place in (change.origin, change.destination)), there]
+def _changes_time(
+    travel: Table, here: str | None, way: Sequence[Changeover], there: str | None
+) -> int:
+    """The time for some changes in a row, with travel from `here` and to `there` if these are
+    known.
+    """
+    places = [
+        here,
+        *(place for change in way for place in (change.origin, change.destination)),
+        there,
+    ]
     pairs = zip(places[::2], places[1::2], strict=True)
     empty = sum(travel.get((a, b), 0) for a, b in pairs if a is not None and b is not None)
     return empty + sum(change.duration for change in way)
@@ -195,12 +228,16 @@ def _changes_time(travel: Table, here: str | None, way: Sequence[Changeover], th
 
 def first_needs(stage: ShopStage) -> dict[str, Need]:
     """For each device, the stage's first need."""
-    return {need.device: need for need in sorted(stage.needs, key=lambda stage_need: -stage_need.begin)}
+    return {
+        need.device: need for need in sorted(stage.needs, key=lambda stage_need: -stage_need.begin)
+    }
 
 
 def last_needs(stage: ShopStage) -> dict[str, Need]:
     """For each device, the stage's last need."""
-    return {need.device: need for need in sorted(stage.needs, key=lambda stage_need: stage_need.end)}
+    return {
+        need.device: need for need in sorted(stage.needs, key=lambda stage_need: stage_need.end)
+    }
 
 
 def alike_jobs(shop: Shop) -> tuple[tuple[ShopJob, ...], ...]:
@@ -237,12 +274,20 @@ def _job_parts(shop: Shop) -> dict[str, list[Hashable]]:
 
     parts_by_job: dict[str, list[Hashable]] = {job.name: [] for job in shop.jobs}
     for window in shop.windows:
-        shape = "window", numbered(window.earlier), numbered(window.later), window.least, window.most
+        shape = (
+            "window",
+            numbered(window.earlier),
+            numbered(window.later),
+            window.least,
+            window.most,
+        )
         parts_by_job[shop.owners[window.earlier.stage].name].append(shape)
     for hold in shop.holds:
         if moment := hold.begin or hold.end:
             owner = shop.owners[moment.stage].name
-            parts_by_job[owner].append(("hold", hold.resource, numbered(hold.begin), numbered(hold.end)))
+            parts_by_job[owner].append(
+                ("hold", hold.resource, numbered(hold.begin), numbered(hold.end))
+            )
     return parts_by_job
 
 

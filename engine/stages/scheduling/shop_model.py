@@ -16,7 +16,14 @@ from ortools.sat.python.cp_model import (
     LiteralT,
 )
 
-from cellwright.engine.model.shop_scheduling import Changeover, Need, Resource, Shop, ShopDevice, StageMoment
+from cellwright.engine.model.shop_scheduling import (
+    Changeover,
+    Need,
+    Resource,
+    Shop,
+    ShopDevice,
+    StageMoment,
+)
 from cellwright.engine.stages.scheduling.makespan_bounds import service_batches, widen_hold
 from cellwright.engine.stages.scheduling.shop_analysis import Lags, alike_jobs, has_shortcuts
 
@@ -58,7 +65,9 @@ class ShopModel:
         self.tardiness: LinearExprT = 0
         for name, stage in self.shop.stages.items():
             latest = self.horizon - stage.duration
-            self.starts[name] = self.cp.new_int_var(min(self.lags.heads[name], latest), latest, name)
+            self.starts[name] = self.cp.new_int_var(
+                min(self.lags.heads[name], latest), latest, name
+            )
             self.cp.add(self.makespan >= self.starts[name] + self.lags.tails[name])
 
     def at(self, moment: StageMoment) -> LinearExpr:
@@ -94,7 +103,9 @@ class ShopModel:
             works = self.works.get(resource.name, [])
             taken = [work.interval for work in works if work.lasts]
             taken += [
-                self._held(n, resource) for n, h in enumerate(self.shop.holds) if h.resource == resource.name
+                self._held(n, resource)
+                for n, h in enumerate(self.shop.holds)
+                if h.resource == resource.name
             ]
             if resource.capacity == 1:
                 self.cp.add_no_overlap(taken)
@@ -115,7 +126,9 @@ class ShopModel:
         self.cp.add(self.at(hold.begin) + size == self.at(hold.end))
         self.cp.add(size >= 1).only_enforce_if(some)
         self.cp.add(size == 0).only_enforce_if(~some)
-        return self.cp.new_optional_interval_var(self.at(hold.begin), size, self.at(hold.end), some, name)
+        return self.cp.new_optional_interval_var(
+            self.at(hold.begin), size, self.at(hold.end), some, name
+        )
 
     def _lasts(self, begin: StageMoment, end: StageMoment) -> bool:
         """Whether a hold can never be empty.
@@ -127,7 +140,8 @@ class ShopModel:
     def _add_travel(self, resource: Resource, works: list[ResourceWork]) -> None:
         """Between any two works there is time to travel.
 
-        If a way through other work is shorter than the table says, the sequence of the works is modelled.
+        If a way through other work is shorter than the table says, the sequence of the works is
+        modelled.
         """
         travel = dict(resource.travel)
         if has_shortcuts(self.shop, resource):
@@ -152,17 +166,25 @@ class ShopModel:
                     self._if_present(second.start >= first.end + lead, first_work, second_work)
                 continue
             before = self.cp.new_bool_var("")
-            self._if_present(second_work.start >= first_work.end + there, first_work, second_work, before)
-            self._if_present(first_work.start >= second_work.end + back, first_work, second_work, ~before)
+            self._if_present(
+                second_work.start >= first_work.end + there, first_work, second_work, before
+            )
+            self._if_present(
+                first_work.start >= second_work.end + back, first_work, second_work, ~before
+            )
 
     def _if_present(
-        self, constraint: BoundedLinearExpression | bool | np.bool, *conditions: ResourceWork | LiteralT
+        self,
+        constraint: BoundedLinearExpression | bool | np.bool,
+        *conditions: ResourceWork | LiteralT,
     ) -> None:
         literals = [
             condition.present if isinstance(condition, ResourceWork) else condition
             for condition in conditions
         ]
-        self.cp.add(constraint).only_enforce_if([literal for literal in literals if literal is not None])
+        self.cp.add(constraint).only_enforce_if(
+            [literal for literal in literals if literal is not None]
+        )
 
     def _add_sequence(self, resource: Resource, works: list[ResourceWork]) -> None:
         """One route through all works that are present.
@@ -216,8 +238,8 @@ class ShopModel:
 class Period:
     """A time with one setting.
 
-    `settings` has a literal for each possible setting. `changes` are the changes that may lead to this
-    period, with their literals; the change starts at `changed`.
+    `settings` has a literal for each possible setting. `changes` are the changes that may lead to
+    this period, with their literals; the change starts at `changed`.
     """
 
     begin: IntVar
@@ -230,7 +252,9 @@ class Period:
 
 @dataclass(frozen=True)
 class Periods:
-    """The periods of one device and, for each need of a stage, the literals of the periods where it may fall."""
+    """The periods of one device and, for each need of a stage, the literals of the periods
+    where it may fall.
+    """
 
     device: ShopDevice
     periods: tuple[Period, ...]
@@ -314,17 +338,26 @@ def _next_period(
 
 
 def _add_operator_work(
-    model: ShopModel, device: ShopDevice, change: Changeover, taken: IntVar, start: IntVar, number: int
+    model: ShopModel,
+    device: ShopDevice,
+    change: Changeover,
+    taken: IntVar,
+    start: IntVar,
+    number: int,
 ) -> None:
     """Add what the operator does if it makes this change."""
     end = start + change.duration
     interval = model.cp.new_optional_fixed_size_interval_var(start, change.duration, taken, "")
-    work = ResourceWork(start, end, interval, change.origin, change.destination, taken, device.name, number)
+    work = ResourceWork(
+        start, end, interval, change.origin, change.destination, taken, device.name, number
+    )
     model.works.setdefault(device.operator, []).append(work)
     model.cp.add(model.makespan >= end).only_enforce_if(taken)
 
 
-def _place_need(model: ShopModel, stage: str, need: Need, periods: list[Period]) -> dict[int, IntVar]:
+def _place_need(
+    model: ShopModel, stage: str, need: Need, periods: list[Period]
+) -> dict[int, IntVar]:
     """The literals of the periods into which a need may fall; exactly one of them is true."""
     literals: dict[int, IntVar] = {}
     for number, period in enumerate(periods):
@@ -357,7 +390,10 @@ def _add_use(
 
 
 def _add_batches(
-    model: ShopModel, device: ShopDevice, periods: int, needs: tuple[tuple[str, Need, dict[int, IntVar]], ...]
+    model: ShopModel,
+    device: ShopDevice,
+    periods: int,
+    needs: tuple[tuple[str, Need, dict[int, IntVar]], ...],
 ) -> None:
     """No period holds more stages of a batch than there are places.
 

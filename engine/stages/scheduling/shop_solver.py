@@ -17,7 +17,8 @@ SOLVER_POLL_S = 0.02  # seconds between two checks whether to stop
 def improve_schedule(
     lags: Lags, bound: int, horizon: int, first: Schedule | None, limits: ScheduleLimits
 ) -> Schedule | Infeasible | None:
-    """The best schedule that the solver finds, `first` if it finds none, or the proof that there is none.
+    """The best schedule that the solver finds, `first` if it finds none, or the proof that there is
+    none.
 
     The result is None if there is no schedule so far and no proof.
     """
@@ -46,12 +47,16 @@ def improve_schedule(
 def run_solver(
     solver: cp_model.CpSolver, model: cp_model.CpModel, limits: ScheduleLimits
 ) -> cp_model.CpSolverStatus:
-    """Solve in a thread, so that Ctrl-C and the time limit are heard meanwhile. Raises `MemoryError`."""
+    """Solve in a thread, so that Ctrl-C and the time limit are heard meanwhile.
+
+    Raises `MemoryError`.
+    """
     parameters = solver.parameters
     parameters.random_seed = limits.seed
     parameters.max_deterministic_time = limits.work
     parameters.num_workers = limits.workers
-    parameters.interleave_search = limits.workers == 1  # several strategies in turns, counted in work
+    # several strategies in turns, counted in work
+    parameters.interleave_search = limits.workers == 1
     parameters.catch_sigint_signal = False
     status, short = cp_model.UNKNOWN, False
 
@@ -74,7 +79,11 @@ def run_solver(
 
 
 def _read_schedule(
-    solver: cp_model.CpSolver, model: ShopModel, periods: tuple[Periods, ...], bound: int, proved: bool
+    solver: cp_model.CpSolver,
+    model: ShopModel,
+    periods: tuple[Periods, ...],
+    bound: int,
+    proved: bool,
 ) -> Schedule:
     starts = {name: solver.value(start) for name, start in model.starts.items()}
     adjustments = tuple(
@@ -110,10 +119,17 @@ def _hint_schedule(model: ShopModel, periods: tuple[Periods, ...], first: Schedu
 
 def _hint_device(model: ShopModel, device_periods: Periods, first: Schedule) -> None:
     changes = sorted(
-        (a for a in first.adjustments if a.device == device_periods.device.name), key=lambda a: a.start
+        (a for a in first.adjustments if a.device == device_periods.device.name),
+        key=lambda a: a.start,
     )
     for number, period in enumerate(device_periods.periods):
-        begin = 0 if not number else changes[number - 1].end if number <= len(changes) else model.horizon
+        begin = (
+            0
+            if not number
+            else changes[number - 1].end
+            if number <= len(changes)
+            else model.horizon
+        )
         end = changes[number].start if number < len(changes) else model.horizon
         if number:
             _hint_change(model, period, changes[number - 1] if number <= len(changes) else None)
@@ -122,7 +138,11 @@ def _hint_device(model: ShopModel, device_periods: Periods, first: Schedule) -> 
         for stage, need, places in device_periods.needs:
             start = first.starts[stage]
             if number in places:
-                inside = begin <= start + need.begin and start + need.end <= end and number <= len(changes)
+                inside = (
+                    begin <= start + need.begin
+                    and start + need.end <= end
+                    and number <= len(changes)
+                )
                 model.cp.add_hint(places[number], inside)
 
 

@@ -1,8 +1,8 @@
 """Turns a task-level plan into a shop, and a schedule of it back into timed steps.
 
-These orders are kept: those within each object, causal links between objects, and all others between changes
-that two objects make to the same atom. Orders that only say which object came first (at the arm, at places,
-at devices) are dropped.
+These orders are kept: those within each object, causal links between objects, and all others
+between changes that two objects make to the same atom. Orders that only say which object came first
+(at the arm, at places, at devices) are dropped.
 """
 
 import itertools
@@ -43,9 +43,10 @@ OTHER_WORK_JOB = "other work"  # the job of the blocks that serve no object
 
 @dataclass(frozen=True)
 class Wishes:
-    """What a cell says about time besides durations: empty travel between stops, longest stays in places, when jobs begin
-    and are due, and in which windows measurements begin, by their names, counted from the start of the tour. A tour that is
-    `under_way` began before: its windows count from the start of the plan.
+    """What a cell says about time besides durations: empty travel between stops, longest stays in
+    places, when jobs begin and are due, and in which windows measurements begin, by their names,
+    counted from the start of the tour. A tour that is `under_way` began before: its windows count
+    from the start of the plan.
     """
 
     travel: Mapping[tuple[Term, Term], int] = field(default_factory=dict)
@@ -95,7 +96,10 @@ def cell_work(
     subjects: Sequence[Term],
     wishes: Wishes = Wishes(),
 ) -> CellWork:
-    """The shop of a plan; `steps` are plain operators in an executable order. Raises `Unstructured`."""
+    """The shop of a plan; `steps` are plain operators in an executable order.
+
+    Raises `Unstructured`.
+    """
     return _Assembly(task, tuple(steps), goals, tuple(subjects), wishes).work()
 
 
@@ -127,7 +131,9 @@ class _Assembly:
             *(self._resource(held_resource, places) for held_resource in _hold_resources(holds)),
         ]
         devices = tuple(mechanism.device for mechanism in self.mechanisms)
-        shop = Shop(self.jobs, tuple(resources), tuple(dict.fromkeys(windows)), tuple(holds), devices)
+        shop = Shop(
+            self.jobs, tuple(resources), tuple(dict.fromkeys(windows)), tuple(holds), devices
+        )
         known = {mechanism.device.name: mechanism for mechanism in self.mechanisms}
         return CellWork(shop, self.named, known, visits, places)
 
@@ -143,7 +149,9 @@ class _Assembly:
 
     @cached_property
     def named(self) -> dict[str, Block]:
-        """The blocks that serve an object or a stage, without detours, by the name of the stage they become."""
+        """The blocks that serve an object or a stage, without detours, by the name of the stage
+        they become.
+        """
         places = bitset(list(self._held(self._touches(_stage_blocks(self.cut)))))
         return _stage_blocks(remove_detours(self.cut, places | atoms_about(self.task, *self.arms)))
 
@@ -160,7 +168,11 @@ class _Assembly:
         stages_by_subject: dict[Term | None, list[ShopStage]] = {}
         for name, block in self.named.items():
             needs = tuple(need for mechanism in self.mechanisms for need in mechanism.needs(block))
-            ends = (self._place(block.steps[0]), self._place(block.steps[-1])) if block.arms else ("", "")
+            ends = (
+                (self._place(block.steps[0]), self._place(block.steps[-1]))
+                if block.arms
+                else ("", "")
+            )
             stage = ShopStage(name, block.duration, tuple(map(str, block.arms)), needs, *ends)
             stages_by_subject.setdefault(block.subject, []).append(stage)
         ordered = [subject for subject in (*self.subjects, None) if subject in stages_by_subject]
@@ -170,7 +182,11 @@ class _Assembly:
         if subject is None:
             return ShopJob(OTHER_WORK_JOB, stages)
         wishes = self.wishes
-        times = wishes.release.get(subject, 0), wishes.due.get(subject), wishes.priority.get(subject, 1)
+        times = (
+            wishes.release.get(subject, 0),
+            wishes.due.get(subject),
+            wishes.priority.get(subject, 1),
+        )
         return ShopJob(str(subject), stages, *times)
 
     @cached_property
@@ -187,7 +203,9 @@ class _Assembly:
             private |= mechanism.atoms
         touches: dict[int, list[AtomTouch]] = defaultdict(list)
         for name, block in named.items():
-            for (step, begin, end), ends, makes in zip(block.timed, block.ends, block.makes, strict=True):
+            for (step, begin, end), ends, makes in zip(
+                block.timed, block.ends, block.makes, strict=True
+            ):
                 for atom in indices((step.preconditions | ends | makes) & ~private):
                     does = (bool(bits >> atom & 1) for bits in (step.preconditions, ends, makes))
                     touches[atom].append(AtomTouch(name, str(block.subject), begin, end, *does))
@@ -196,12 +214,16 @@ class _Assembly:
     @cached_property
     def held(self) -> dict[Function, list[Hold]]:
         """The atoms that say that a place is free, with the holds of this place."""
-        return {self.task.atoms[number]: holds for number, holds in self._held(self.touches).items()}
+        return {
+            self.task.atoms[number]: holds for number, holds in self._held(self.touches).items()
+        }
 
     def _held(self, touches: Mapping[int, Sequence[AtomTouch]]) -> dict[int, list[Hold]]:
         holds_by_atom: dict[int, list[Hold]] = {}
         for number, atom_touches in touches.items():
-            if any(touch.ends for touch in atom_touches) and any(touch.makes for touch in atom_touches):
+            if any(touch.ends for touch in atom_touches) and any(
+                touch.makes for touch in atom_touches
+            ):
                 holds = place_holds_of("", atom_touches, bool(self.task.initial >> number & 1))
                 if holds is not None:
                     holds_by_atom[number] = holds
@@ -217,7 +239,11 @@ class _Assembly:
                 done |= set(group)
                 yield (
                     group,
-                    [(pooled_atom, hold) for pooled_atom in group for hold in self.held.get(pooled_atom, [])],
+                    [
+                        (pooled_atom, hold)
+                        for pooled_atom in group
+                        for hold in self.held.get(pooled_atom, [])
+                    ],
                 )
 
     def _owner(self, hold: Hold) -> Term | None:
@@ -227,7 +253,9 @@ class _Assembly:
     def _visits(self, name: str, visits: Sequence[tuple[Function, Hold]]) -> Iterator[PlaceVisit]:
         for atom, hold in visits:
             if atom.arguments:
-                yield PlaceVisit(Hold(name, hold.begin, hold.end), atom.arguments[0], self._between(hold))
+                yield PlaceVisit(
+                    Hold(name, hold.begin, hold.end), atom.arguments[0], self._between(hold)
+                )
 
     def _between(self, hold: Hold) -> tuple[str, ...]:
         """The stages of the object from the one that takes the place to the one that leaves it."""
@@ -239,10 +267,16 @@ class _Assembly:
     def _stay(self, atom: Function, hold: Hold) -> Iterator[StageWindow]:
         """Windows for the longest stay in a place.
 
-        They go from the end of the step that brings an object to the start of the step that takes it.
+        They go from the end of the step that brings an object to the start of the step that takes
+        it.
         """
         for place, most in self.wishes.longest_stay.items():
-            if contains_term(atom, place) and hold.begin and hold.end and hold.begin.stage != hold.end.stage:
+            if (
+                contains_term(atom, place)
+                and hold.begin
+                and hold.end
+                and hold.begin.stage != hold.end.stage
+            ):
                 came = next(t for t in self._at(atom) if t.first == hold.begin)
                 left = next(t for t in self._at(atom) if t.last == hold.end)
                 yield StageWindow(came.last, left.first, 0, most)
@@ -251,13 +285,17 @@ class _Assembly:
         return self.touches[self.task.atoms.index(atom)]
 
     def _shared_resources(self, pools: Sequence[tuple[Term, ...]]) -> Iterator[Hold]:
-        """Holds of other resources that steps of several objects use, if no place keeps these steps apart."""
+        """Holds of other resources that steps of several objects use, if no place keeps these
+        steps apart.
+        """
         kept = {*self.arms, *self.subjects, *itertools.chain(*pools)}
         users: dict[Term, list[AtomTouch]] = defaultdict(list)
         for name, block in self.named.items():
             for step, begin, end in block.timed:
                 for resource in (
-                    other_resource for other_resource in step.resources if other_resource not in kept
+                    other_resource
+                    for other_resource in step.resources
+                    if other_resource not in kept
                 ):
                     users[resource].append(
                         AtomTouch(name, str(block.subject), begin, end, True, False, False)
@@ -267,8 +305,8 @@ class _Assembly:
                 yield from (Hold(str(resource), touch.first, touch.last) for touch in touches)
 
     def _links(self) -> Iterator[StageWindow]:
-        """Windows that keep the plan's order between objects that change the same atom, unless it is about a
-        place.
+        """Windows that keep the plan's order between objects that change the same atom, unless it
+        is about a place.
         """
         for number, touches in self.touches.items():
             if self.task.atoms[number] in self.held:
@@ -337,9 +375,14 @@ def timed_steps(task: GroundTask, work: CellWork, schedule: Schedule) -> tuple[T
 
 
 def _executable_variant(
-    wanted: GroundOperator, variants: Mapping[Function, Sequence[GroundOperator]], state: Bits, stages: Bits
+    wanted: GroundOperator,
+    variants: Mapping[Function, Sequence[GroundOperator]],
+    state: Bits,
+    stages: Bits,
 ) -> GroundOperator:
-    """The operator that does the wanted step in a state: the step itself, or one of the same instance."""
+    """The operator that does the wanted step in a state: the step itself, or one of the same
+    instance.
+    """
     fitting = [
         variant
         for variant in (wanted, *variants.get(wanted.instance, ()))
@@ -403,7 +446,10 @@ def places_of_visits(work: CellWork, schedule: Schedule) -> dict[Hold, str]:
 def _assign_places(
     visits: Sequence[PlaceVisit], places: Sequence[Term], schedule: Schedule
 ) -> Iterator[tuple[PlaceVisit, Term]]:
-    """A place for each visit, first come, first served. A visit keeps its own place if that is free."""
+    """A place for each visit, first come, first served.
+
+    A visit keeps its own place if that is free.
+    """
     until = dict.fromkeys(places, 0)
     for visit in sorted(
         visits,

@@ -1,9 +1,9 @@
 """The best order of the steps of a plan: its constraint model and solver (CP-SAT).
 
-Whom a condition comes from is open (of several steps that achieve it, any one may serve), and so is the order of steps
-that hold one resource or disturb each other. This is the least makespan of all orders of a given set of steps; with
-`optional` steps also of all choices among them. Nothing is asked of the structure of a plan: arms may be several, busy at
-the start, or holding several things.
+Whom a condition comes from is open (of several steps that achieve it, any one may serve), and so is
+the order of steps that hold one resource or disturb each other. This is the least makespan of all
+orders of a given set of steps; with `optional` steps also of all choices among them. Nothing is
+asked of the structure of a plan: arms may be several, busy at the start, or holding several things.
 """
 
 import itertools
@@ -33,10 +33,11 @@ class TooManySupports(Exception):
 class StepOrdering:
     """What is to be put in order, from `initial` to `goals`.
 
-    Steps are plain operators. `horizon` is a time by which all can be done. `lead(i, j)` is the time that must pass
-    between the end of step i and the start of step j if they come in this order (travel). `stays` are conditions that may
-    last at most so long, from the end of who achieves them to the start of who ends them. `release` and `due` are by step;
-    the third of `due` is the cost of each unit of time after it. Without `optional` every step is done.
+    Steps are plain operators. `horizon` is a time by which all can be done. `lead(i, j)` is the
+    time that must pass between the end of step i and the start of step j if they come in this order
+    (travel). `stays` are conditions that may last at most so long, from the end of who achieves
+    them to the start of who ends them. `release` and `due` are by step; the third of `due` is the
+    cost of each unit of time after it. Without `optional` every step is done.
     """
 
     initial: Bits
@@ -61,10 +62,13 @@ class OrderModel:
     def __post_init__(self) -> None:
         steps, horizon = self.asked.steps, self.asked.horizon
         self.present = [
-            self.cp.new_bool_var("") if self.asked.optional else self.cp.new_constant(1) for _ in steps
+            self.cp.new_bool_var("") if self.asked.optional else self.cp.new_constant(1)
+            for _ in steps
         ]
         self.starts = [
-            self.cp.new_int_var(min(self.asked.release.get(n, 0), horizon), max(0, horizon - s.duration), "")
+            self.cp.new_int_var(
+                min(self.asked.release.get(n, 0), horizon), max(0, horizon - s.duration), ""
+            )
             for n, s in enumerate(steps)
         ]
         self.makespan = self.cp.new_int_var(0, horizon, "makespan")
@@ -99,7 +103,11 @@ class OrderModel:
 
     def _require_affordable(self) -> None:
         conditions = [step.preconditions for step in self.asked.steps]
-        needed = [atom for needed_atoms in (*conditions, self.asked.goals) for atom in indices(needed_atoms)]
+        needed = [
+            atom
+            for needed_atoms in (*conditions, self.asked.goals)
+            for atom in indices(needed_atoms)
+        ]
         pairs = (len(self.adders.get(a, ())) * (1 + len(self.deleters.get(a, ()))) for a in needed)
         if sum(pairs) > MAX_SUPPORT_PAIRS:
             raise TooManySupports("it has too many steps for all their orders to be compared")
@@ -119,12 +127,16 @@ class OrderModel:
             self._follows(other_step, one_step, second)
 
     def _hold(self) -> None:
-        """Each resource does one thing at a time; that is implied, and the solver reasons faster with it."""
+        """Each resource does one thing at a time; that is implied, and the solver reasons
+        faster with it.
+        """
         users: dict[Term, list[IntervalVar]] = {}
         for n, step in enumerate(self.asked.steps):
             if step.resources and step.duration:
                 start, present = self.starts[n], self.present[n]
-                span = self.cp.new_optional_fixed_size_interval_var(start, step.duration, present, "")
+                span = self.cp.new_optional_fixed_size_interval_var(
+                    start, step.duration, present, ""
+                )
                 for resource in step.resources:
                     users.setdefault(resource, []).append(span)
         for spans in users.values():
@@ -139,7 +151,9 @@ class OrderModel:
             self.cp.add(self.ranks[other] >= self.ranks[one] + 1).only_enforce_if(literal)
 
     def _support(self, consumer: int | None, atom: int) -> None:
-        """Some step before the consumer, or the start, makes an atom true, and nothing between them ends it."""
+        """Some step before the consumer, or the start, makes an atom true, and nothing between
+        them ends it.
+        """
         ways: list[LiteralT] = []
         if self.asked.initial >> atom & 1:
             ways.append(self._from_start(consumer, atom))
@@ -175,12 +189,16 @@ class OrderModel:
         return [] if consumer is None else [self.before[consumer, threat]]
 
     def _stays(self, way: LiteralT, producer: int, consumer: int | None, atom: int) -> None:
-        """Who ends a condition that may last only so long starts soon enough after who achieved it."""
+        """Who ends a condition that may last only so long starts soon enough after who achieved
+        it.
+        """
         if atom not in self.asked.stays or producer == ORDER_START or consumer is None:
             return
         if consumer in self.deleters.get(atom, ()):
             latest = self.asked.steps[producer].duration + self.asked.stays[atom]
-            self.cp.add(self.starts[consumer] <= self.starts[producer] + latest).only_enforce_if(way)
+            self.cp.add(self.starts[consumer] <= self.starts[producer] + latest).only_enforce_if(
+                way
+            )
 
     def _minimise(self) -> None:
         """Lateness first, then the makespan, then the cost of optional steps."""
@@ -193,7 +211,10 @@ class OrderModel:
                 self.cp.add(lateness >= end - due).only_enforce_if(self.present[n])
             late.append(priority * lateness)
         self.tardiness = sum(late)
-        spent = sum(step.cost * present for step, present in zip(self.asked.steps, self.present, strict=True))
+        spent = sum(
+            step.cost * present
+            for step, present in zip(self.asked.steps, self.present, strict=True)
+        )
         if self.asked.optional:
             self.cp.minimize(((horizon + 1) * self.tardiness + self.makespan) * (cost + 1) + spent)
         else:
@@ -210,13 +231,17 @@ class OrderModel:
             for other in starts if n in starts else ():
                 literal = self.before.get((n, other))
                 if isinstance(literal, IntVar) and literal.index >= 0:
-                    self.cp.add_hint(literal, starts[n] + step.duration <= starts[other] and n != other)
+                    self.cp.add_hint(
+                        literal, starts[n] + step.duration <= starts[other] and n != other
+                    )
         ends = [start + self.asked.steps[n].duration for n, start in starts.items()]
         self.cp.add_hint(self.makespan, max(ends, default=0))
 
 
 def exclusive_pairs(steps: Sequence[GroundOperator]) -> Iterator[tuple[int, int]]:
-    """The pairs of steps that may not overlap: they share a resource, or one denies what the other needs or adds."""
+    """The pairs of steps that may not overlap: they share a resource, or one denies what the
+    other needs or adds.
+    """
     holds = [frozenset(step.resources) for step in steps]
     denies = [step.deletes & ~step.adds for step in steps]
     touches = [step.adds | step.preconditions for step in steps]
@@ -236,7 +261,8 @@ def _by_atom(sets: Sequence[Bits]) -> dict[int, list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class Reordered:
-    """The start of each step that is done, by its place in what was asked; no order of these steps ends before `lower_bound`.
+    """The start of each step that is done, by its place in what was asked; no order of these steps
+    ends before `lower_bound`.
 
     `proved` says that there is no better order.
     """
@@ -251,7 +277,9 @@ class Reordered:
 def reorder_steps(
     asked: StepOrdering, bound: int, known: Mapping[int, int], limits: ScheduleLimits
 ) -> Reordered | Infeasible | None:
-    """The best order found, with `known` starts as a hint; None if none was found. Raises `TooLarge`."""
+    """The best order found, with `known` starts as a hint; None if none was found. Raises
+    `TooLarge`.
+    """
     model = OrderModel(asked)
     model.build(bound)
     model.hint(known)
@@ -269,7 +297,12 @@ def reorder_steps(
     makespan = max((start + asked.steps[n].duration for n, start in starts.items()), default=0)
     late, proved = solver.value(model.tardiness), status == cp_model.OPTIMAL
     order = sorted(
-        starts, key=lambda n: (starts[n], starts[n] + asked.steps[n].duration, _step_rank(solver, model, n))
+        starts,
+        key=lambda n: (
+            starts[n],
+            starts[n] + asked.steps[n].duration,
+            _step_rank(solver, model, n),
+        ),
     )
     least = makespan if proved and not late else bound
     return Reordered({n: starts[n] for n in order}, makespan, min(least, makespan), late, proved)

@@ -8,7 +8,14 @@ import numpy as np
 
 from cellwright.engine.kernels.arrays import Longs
 from cellwright.engine.model.outcome import GaveUp, Infeasible
-from cellwright.engine.model.tour_problem import Metric, SharedProblem, Shares, Tour, TourProblem, busy_with
+from cellwright.engine.model.tour_problem import (
+    Metric,
+    SharedProblem,
+    Shares,
+    Tour,
+    TourProblem,
+    busy_with,
+)
 from cellwright.engine.stages.sequencing.search_limits import TourLimits
 from cellwright.engine.stages.sequencing.tour_solver import sequence_tour
 
@@ -22,7 +29,9 @@ class VisitWays:
     problem: TourProblem
 
     def between(self, a: Longs, b: Longs) -> Longs:
-        """What it costs to go from each visit of `a` to that of `b` at the same place; shapes are broadcast."""
+        """What it costs to go from each visit of `a` to that of `b` at the same place; shapes
+        are broadcast.
+        """
         travel = self.problem.travel
         if isinstance(travel, Metric):
             way_costs = travel.between(a.astype(np.int32), b.astype(np.int32))
@@ -61,7 +70,10 @@ class LeastPaths:
         """The least time for a set whose last visit is given, and the visit before that."""
         if (bits, last) not in self.ends:
             rest, own = bits & ~(1 << last), self.lasts[last]
-            ways = ((self.ends[rest, n][0] + int(self.arcs[n, last]) + own, n) for n in _set_members(rest))
+            ways = (
+                (self.ends[rest, n][0] + int(self.arcs[n, last]) + own, n)
+                for n in _set_members(rest)
+            )
             starts = self.start < 0 or (self.own[last] == self.start) == (not rest)
             best_ending = min(ways) if rest else (own, -1)
             self.ends[bits, last] = (
@@ -90,7 +102,9 @@ def part_problem(problem: TourProblem, members: list[int]) -> TourProblem:
     number = {old: new for new, old in enumerate(members)}
     travel = problem.travel
     less = travel.part(members) if isinstance(travel, Metric) else travel[np.ix_(members, members)]
-    pairs = tuple((number[a], number[b]) for a, b in problem.precedence if a in number and b in number)
+    pairs = tuple(
+        (number[a], number[b]) for a, b in problem.precedence if a in number and b in number
+    )
     visits = tuple(problem.visits[n] for n in members)
     start = None if problem.start is None else number.get(problem.start)
     return replace(problem, visits=visits, travel=less, precedence=pairs, start=start)
@@ -105,8 +119,12 @@ Orders = dict[
 ]  # the visits of each arm, by their numbers in the tour problem of that arm
 
 
-def share_visits(problem: SharedProblem, limits: TourLimits = TourLimits()) -> Shares | Infeasible | GaveUp:
-    """The shares with the least makespan that are found, and a bound; why there are none, if an arm has no tour."""
+def share_visits(
+    problem: SharedProblem, limits: TourLimits = TourLimits()
+) -> Shares | Infeasible | GaveUp:
+    """The shares with the least makespan that are found, and a bound; why there are none, if an
+    arm has no tour.
+    """
     return _ShareSearch(problem, replace(limits, sharp=False)).best()
 
 
@@ -114,7 +132,9 @@ def share_visits(problem: SharedProblem, limits: TourLimits = TourLimits()) -> S
 class _ShareSearch:
     problem: SharedProblem
     limits: TourLimits
-    toured: dict[tuple[str, frozenset[int]], Tour | Infeasible | GaveUp] = field(default_factory=dict)
+    toured: dict[tuple[str, frozenset[int]], Tour | Infeasible | GaveUp] = field(
+        default_factory=dict
+    )
 
     @cached_property
     def tours(self) -> Mapping[str, TourProblem]:
@@ -159,7 +179,9 @@ class _ShareSearch:
         """Some visits of an arm in the best order that is found."""
         key = (arm, visits)
         if key not in self.toured:
-            self.toured[key] = sequence_tour(part_problem(self.tours[arm], sorted(visits)), self.limits)
+            self.toured[key] = sequence_tour(
+                part_problem(self.tours[arm], sorted(visits)), self.limits
+            )
         arm_order = self.toured[key]
         if not isinstance(arm_order, Tour):
             return arm_order
@@ -174,7 +196,9 @@ class _ShareSearch:
         """What only one arm can make in its tour, and the rest inserted one by one."""
         orders: Orders = {}
         for arm in self.tours:
-            alone = frozenset(self.place[arm][name] for name, own in self.arms_of.items() if own == (arm,))
+            alone = frozenset(
+                self.place[arm][name] for name, own in self.arms_of.items() if own == (arm,)
+            )
             alone_order = self.order(arm, alone)
             if not isinstance(alone_order, tuple):
                 return alone_order
@@ -187,27 +211,42 @@ class _ShareSearch:
         return self._in_order(orders)
 
     def _next(self, orders: Orders, unplaced: list[str]) -> tuple[str, str, int]:
-        """The arm that is done first takes, of what it can, what costs it least in comparison with the best other arm."""
+        """The arm that is done first takes, of what it can, what costs it least in comparison
+        with the best other arm.
+        """
         costs = {arm: self._insertions(arm, orders[arm], unplaced) for arm in orders}
-        for arm in sorted(orders, key=lambda candidate_arm: self.busy(candidate_arm, orders[candidate_arm])):
+        for arm in sorted(
+            orders, key=lambda candidate_arm: self.busy(candidate_arm, orders[candidate_arm])
+        ):
             own, at = costs[arm]
             if own.min() >= IMPOSSIBLE_COST:
                 continue
-            other_costs = np.min([costs[other_arm][0] for other_arm in orders if other_arm != arm], axis=0)
+            other_costs = np.min(
+                [costs[other_arm][0] for other_arm in orders if other_arm != arm], axis=0
+            )
             best = int(np.lexsort((own, own - np.minimum(other_costs, IMPOSSIBLE_COST // 2)))[0])
             return arm, unplaced[best], int(at[best])
         raise AssertionError("every visit has an arm")
 
-    def _insertions(self, arm: str, order: tuple[int, ...], names: list[str]) -> tuple[Longs, Longs]:
-        """What the cheapest insertion of each of some visits into an order costs, and where it is (n,); MUCH if an arm cannot."""
+    def _insertions(
+        self, arm: str, order: tuple[int, ...], names: list[str]
+    ) -> tuple[Longs, Longs]:
+        """What the cheapest insertion of each of some visits into an order costs, and where it
+        is (n,); MUCH if an arm cannot.
+        """
         own = self.place[arm]
         can = np.array([name in own for name in names])
         visits = np.array([own.get(name, 0) for name in names], np.int64)
-        lasts = np.array([self.tours[arm].visits[v].duration if len(own) else 0 for v in visits], np.int64)
+        lasts = np.array(
+            [self.tours[arm].visits[v].duration if len(own) else 0 for v in visits], np.int64
+        )
         if not len(order):
             return np.where(can, lasts, IMPOSSIBLE_COST), np.zeros(len(names), np.int64)
         tour = np.array(order, np.int64)
-        into, out = self._ways(arm, tour[:, None], visits[None]), self._ways(arm, visits[None], tour[:, None])
+        into, out = (
+            self._ways(arm, tour[:, None], visits[None]),
+            self._ways(arm, visits[None], tour[:, None]),
+        )
         between = into[:-1] + out[1:] - self._ways(arm, tour[:-1], tour[1:])[:, None]
         first = out[:1] if self.tours[arm].start is None else np.full_like(out[:1], IMPOSSIBLE_COST)
         ways = np.concatenate([first, between, into[-1:]])
@@ -234,7 +273,9 @@ class _ShareSearch:
         return reordered
 
     def _better(self, orders: Orders) -> Iterator[Orders]:
-        """Shares that are done sooner, or as soon with less work; changes that look best are tried first."""
+        """Shares that are done sooner, or as soon with less work; changes that look best are
+        tried first.
+        """
         value = self._value(orders)
         changes = sorted(self._changes(orders), key=lambda change: change[0])[:TRIED_CHANGES]
         for estimate, changed in changes:
@@ -245,7 +286,9 @@ class _ShareSearch:
                 yield changed_orders
 
     def _changes(self, orders: Orders) -> Iterator[tuple[tuple[int, int], Orders]]:
-        """Orders in which the busiest arm gives a visit away, or changes it for another one, with their values."""
+        """Orders in which the busiest arm gives a visit away, or changes it for another one,
+        with their values.
+        """
         times = {arm: self.busy(arm, own) for arm, own in orders.items()}
         most = max(times, key=lambda arm: times[arm])
         given = [
@@ -288,7 +331,9 @@ class _ShareSearch:
         _, at = self._insertions(arm, order, [name])
         return (*order[: int(at[0])], self.place[arm][name], *order[int(at[0]) :])
 
-    def _valued(self, orders: Orders, times: Mapping[str, int], changed: tuple[str, str]) -> tuple[int, int]:
+    def _valued(
+        self, orders: Orders, times: Mapping[str, int], changed: tuple[str, str]
+    ) -> tuple[int, int]:
         """The makespan and the sum of orders of which two have changed since `times` were taken."""
         new = {**times, **{arm: self.busy(arm, orders[arm]) for arm in changed}}
         return max(new.values()), sum(new.values())
@@ -325,14 +370,18 @@ class _ShareSearch:
         return {arm: orders[arm] for arm in self.tours}
 
     def _shares(self, orders: Orders, exact: bool = False) -> Shares:
-        named = {arm: tuple(self.tours[arm].visits[v].name for v in own) for arm, own in orders.items()}
+        named = {
+            arm: tuple(self.tours[arm].visits[v].name for v in own) for arm, own in orders.items()
+        }
         busy = {arm: self.busy(arm, own) for arm, own in orders.items()}
         bound = max(busy.values(), default=0) if exact else self._bound()
         common = sum(len(own) > 1 for own in self.arms_of.values())
         return Shares(named, busy, min(bound, max(busy.values(), default=0)), common)
 
     def _bound(self) -> int:
-        """No way to share the visits is done sooner: what all visits last and a cheapest forest of a tree for each arm, shared evenly."""
+        """No way to share the visits is done sooner: what all visits last and a cheapest forest
+        of a tree for each arm, shared evenly.
+        """
         names = list(self.arms_of)
         lasts = sum(
             min(self.tours[arm].visits[self.place[arm][name]].duration for arm in own)
@@ -350,7 +399,9 @@ class _ShareSearch:
         return max(spread, *single)
 
     def _forest(self, names: list[str]) -> int:
-        """The least cost of trees, as many as arms, that join all visits (Prim 1957); of two ways and arms the cheaper counts."""
+        """The least cost of trees, as many as arms, that join all visits (Prim 1957); of two
+        ways and arms the cheaper counts.
+        """
         near = np.full(len(names), IMPOSSIBLE_COST, np.int64)
         joined, edges, now = np.zeros(len(names), bool), list[int](), 0
         for _ in range(len(names) - 1):
@@ -359,11 +410,15 @@ class _ShareSearch:
             now = int(np.where(joined, IMPOSSIBLE_COST + 1, near).argmin())
             edges.append(int(near[now]))
         return sum(
-            edge for edge in sorted(edges)[: len(edges) - len(self.tours) + 1] if edge < IMPOSSIBLE_COST
+            edge
+            for edge in sorted(edges)[: len(edges) - len(self.tours) + 1]
+            if edge < IMPOSSIBLE_COST
         )
 
     def _cheapest(self, names: list[str], at: int) -> Longs:
-        """The cheapest way between one visit and each other, by any arm that can make both (n,); MUCH if none can."""
+        """The cheapest way between one visit and each other, by any arm that can make both
+        (n,); MUCH if none can.
+        """
         least_costs = np.full(len(names), IMPOSSIBLE_COST, np.int64)
         for arm in self.arms_of[names[at]]:
             own = self.place[arm]

@@ -15,7 +15,11 @@ if TYPE_CHECKING:
 
     from cellwright.engine.stages.sequencing.kernels.distances import Distances
 
-NO_GROUPS, NO_EXTRA, NO_ENDS = np.zeros(0, np.int32), np.zeros((1, 1), np.int64), np.zeros(0, np.int64)
+NO_GROUPS, NO_EXTRA, NO_ENDS = (
+    np.zeros(0, np.int32),
+    np.zeros((1, 1), np.int64),
+    np.zeros(0, np.int64),
+)
 MAX_NARROW_COST = 2**28  # sums of four smaller costs fit in 32 bits
 TABLE_ROWS = 200  # of a table that are made at once
 MAX_TABLED_CITIES = 4_000  # up to this number of cities a table of all costs is worth its memory
@@ -25,8 +29,8 @@ MAX_TABLED_CITIES = 4_000  # up to this number of cities a table of all costs is
 class CityCosts:
     """Costs between n cities, by a matrix (n, n) or a metric.
 
-    With a metric, `extra` [group of a, group of b] is added if cities have groups (m,); and a city m that is no point may
-    come last: `ends` (m + 1,) has the costs to it.
+    With a metric, `extra` [group of a, group of b] is added if cities have groups (m,); and a city
+    m that is no point may come last: `ends` (m + 1,) has the costs to it.
     """
 
     matrix: NDArray[Any] | None = None
@@ -42,7 +46,9 @@ class CityCosts:
         return max(len(self.metric), len(self.ends))
 
     def between(self, a: NDArray[Any], b: NDArray[Any]) -> Longs:
-        """The cost from each city of `a` to the city of `b` at the same place; shapes are broadcast."""
+        """The cost from each city of `a` to the city of `b` at the same place; shapes are
+        broadcast.
+        """
         if self.matrix is not None:
             looked_up: Longs = self.matrix[a, b].astype(np.int64)
             return looked_up
@@ -53,7 +59,9 @@ class CityCosts:
         if len(self.group):
             inner_costs = inner_costs + self.extra[self.group[inner_a], self.group[inner_b]]
         if len(self.ends) > last + 1:
-            inner_costs = np.where(a > last, self.ends[b], np.where(b > last, self.ends[a], inner_costs))
+            inner_costs = np.where(
+                a > last, self.ends[b], np.where(b > last, self.ends[a], inner_costs)
+            )
         return inner_costs
 
     def of_tour(self, order: Ints) -> int:
@@ -61,14 +69,19 @@ class CityCosts:
         return int(self.between(order, np.roll(order, -1)).sum())
 
     def part(self, cities: Ints) -> "CityCosts":
-        """The costs between some cities, numbered in this order. A city that is no point must come last."""
+        """The costs between some cities, numbered in this order.
+
+        A city that is no point must come last.
+        """
         if self.matrix is not None:
             return CityCosts(np.ascontiguousarray(self.matrix[np.ix_(cities, cities)]))
         assert self.metric is not None
         inner = cities[cities < len(self.metric)]
         group = self.group[inner] if len(self.group) else self.group
         ends = self.ends[cities] if len(inner) < len(cities) else NO_ENDS
-        return CityCosts(None, Metric(self.metric.kind, self.metric.points[inner]), group, self.extra, ends)
+        return CityCosts(
+            None, Metric(self.metric.kind, self.metric.points[inner]), group, self.extra, ends
+        )
 
     def tabled(self) -> "CityCosts":
         """The same costs, by a matrix if the cities are not too many."""
@@ -76,7 +89,9 @@ class CityCosts:
             return self
         every = np.arange(len(self))
         rows = np.array_split(every, len(self) // TABLE_ROWS + 1)
-        return of_matrix(np.concatenate([self.between(some[:, None], every[None]) for some in rows]))
+        return of_matrix(
+            np.concatenate([self.between(some[:, None], every[None]) for some in rows])
+        )
 
     def kernel(self) -> "Distances":
         """The same for compiled loops."""
@@ -88,7 +103,11 @@ class CityCosts:
         points = np.zeros((len(self.metric), 3))
         points[:, : self.metric.points.shape[1]] = self.metric.points
         return Distances(
-            metric=self.metric.kind, points=points, group=self.group, extra=self.extra, ends=self.ends
+            metric=self.metric.kind,
+            points=points,
+            group=self.group,
+            extra=self.extra,
+            ends=self.ends,
         )
 
     @property
@@ -128,12 +147,14 @@ def quadrant_cities(
     count: int = CANDIDATE_COUNT,
     interrupted: Interrupted = never,
 ) -> Ints:
-    """The cheapest city in each quadrant around each city, then the next cheapest: (n, k), cheapest first.
+    """The cheapest city in each quadrant around each city, then the next cheapest: (n, k), cheapest
+    first.
 
-    `positions` (m, d) are those of the first m cities; d is 2, or 3 for points near a plane. Without quadrants, all
-    neighbours of a city in a cluster would lie in this cluster (Johnson & McGeoch 1997). If there is one more city that
-    is no point (n = m + 1), each city is its candidate, and it is the last candidate of each. Only the `FURTHEST` nearest
-    cities are looked at. What is not found when it is interrupted is city 0.
+    `positions` (m, d) are those of the first m cities; d is 2, or 3 for points near a plane.
+    Without quadrants, all neighbours of a city in a cluster would lie in this cluster (Johnson &
+    McGeoch 1997). If there is one more city that is no point (n = m + 1), each city is its
+    candidate, and it is the last candidate of each. Only the `FURTHEST` nearest cities are looked
+    at. What is not found when it is interrupted is city 0.
     """
     n, m = len(costs), len(positions)
     neighbours = np.zeros((m, min(count, m - 1)), np.int32)
@@ -165,12 +186,16 @@ def _widest_plane(positions: NDArray[np.floating]) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PointRows:
-    """Points (m, d), few enough to look at all of them for each: that takes less time than to import a tree."""
+    """Points (m, d), few enough to look at all of them for each: that takes less time than to
+    import a tree.
+    """
 
     points: NDArray[np.floating]
 
     def query(self, points: NDArray[np.floating], count: int) -> tuple[Floats, Longs]:
-        """The nearest points of each of some points (p, count), and how far they are; in any order."""
+        """The nearest points of each of some points (p, count), and how far they are; in any
+        order.
+        """
         squared_distance: Floats = sum(
             (query_axis[:, None] - point_axis[None]) ** 2
             for query_axis, point_axis in zip(points.T, self.points.T, strict=True)
@@ -192,7 +217,9 @@ def _sort_nearest(
     width: int,
     costs: CityCosts,
 ) -> Longs:
-    """The nearest cities of each city of `part` without itself (p, width), cheapest first, then by number."""
+    """The nearest cities of each city of `part` without itself (p, width), cheapest first, then
+    by number.
+    """
     _, near = tree.query(positions[part], width + 1)
     near = np.sort(near.reshape(len(part), -1), axis=1)
     cost = costs.between(part[:, None], near)
@@ -204,7 +231,9 @@ def _sort_nearest(
 def _pick_quadrants(
     plane: Floats, part: NDArray[np.intp], near: Longs, count: int
 ) -> tuple[Ints, NDArray[np.bool_]]:
-    """`count` of the near cities, first in each quadrant, then in order; and whether all quadrants were found."""
+    """`count` of the near cities, first in each quadrant, then in order; and whether all
+    quadrants were found.
+    """
     step = plane[near] - plane[part][:, None]
     quarter = 2 * (step[..., 0] >= 0) + (step[..., 1] >= 0)
     firsts, whole = np.zeros(near.shape, bool), np.ones(len(part), bool)
@@ -218,7 +247,9 @@ def _pick_quadrants(
 
 
 def _with_the_other(neighbours: Ints, costs: CityCosts) -> Ints:
-    """The candidates with those of one more city, to which and from which the costs are its `ends`."""
+    """The candidates with those of one more city, to which and from which the costs are its
+    `ends`.
+    """
     m, count = neighbours.shape
     cheapest = np.argsort(costs.ends[:m], kind="stable")[: count + 1].astype(np.int32)
     own = np.resize(cheapest, count + 1)

@@ -1,9 +1,10 @@
 """Lower bounds and searches for tours whose arcs have a direction, windows or precedence.
 
-What cannot come directly after what follows from the conditions. On the arcs that are left, a tour costs no less than the
-best assignment of followers, and no less than the bound of Held and Karp. That is raised first for the cheaper direction of
-each pair of cities, which takes few steps, and from there on after the change of Jonker & Volgenant 1983: each city becomes two,
-joined by an edge that every tour has.
+What cannot come directly after what follows from the conditions. On the arcs that are left, a tour
+costs no less than the best assignment of followers, and no less than the bound of Held and Karp.
+That is raised first for the cheaper direction of each pair of cities, which takes few steps, and
+from there on after the change of Jonker & Volgenant 1983: each city becomes two, joined by an edge
+that every tour has.
 """
 
 import numpy as np
@@ -55,9 +56,11 @@ def _ascent_steps(n: int) -> int:
 def search_directed(
     problem: TourProblem, order: tuple[int, ...], limits: TourLimits
 ) -> tuple[tuple[int, ...], int]:
-    """An order of a problem without windows and precedence that costs no more than a given one, and the kicks made.
+    """An order of a problem without windows and precedence that costs no more than a given one, and
+    the kicks made.
 
-    It is a tour of the entries and exits of all cities, under costs that are the same in both directions.
+    It is a tour of the entries and exits of all cities, under costs that are the same in both
+    directions.
     """
     arcs, open_ = _with_the_other(problem)
     n, most = len(arcs), int(arcs.max(initial=0)) + 1
@@ -72,7 +75,9 @@ def search_directed(
     if turned[1] != n - 1:
         turned[1:] = turned[:0:-1]
     directed_order = _cut_ring(problem, [int(city) for city in turned if city < n])
-    if tour_violations(problem, directed_order) or cost_of(problem, directed_order) > cost_of(problem, order):
+    if tour_violations(problem, directed_order) or cost_of(problem, directed_order) > cost_of(
+        problem, order
+    ):
         directed_order = order
     return directed_order, search_result.work
 
@@ -89,7 +94,9 @@ def _cut_ring(problem: TourProblem, ring: list[int]) -> tuple[int, ...]:
 
 
 def _doubled_costs(dear: Longs, most: int) -> Longs:
-    """Symmetric costs (2n, 2n) between the exits (first n) and the entries of all cities; a tour costs n * most more."""
+    """Symmetric costs (2n, 2n) between the exits (first n) and the entries of all cities; a
+    tour costs n * most more.
+    """
     n = len(dear)
     doubled_costs = np.full((2 * n, 2 * n), 16 * most, np.int64)
     doubled_costs[:n, n:] = dear + most
@@ -100,7 +107,9 @@ def _doubled_costs(dear: Longs, most: int) -> Longs:
 
 
 def _with_the_other(problem: TourProblem) -> tuple[Longs, Truths]:
-    """Arcs with one more city between the last visit and the first if the tour is open; and which arcs a tour may have."""
+    """Arcs with one more city between the last visit and the first if the tour is open; and
+    which arcs a tour may have.
+    """
     n, arcs = len(problem.visits), problem.arcs.astype(np.int64)
     before = _precedence_closure(problem, arcs)
     allowed = _allowed_arcs(problem, arcs, before)
@@ -155,7 +164,9 @@ def _close_precedence(before: Truths) -> Truths:
 
 
 def _beginning_times(problem: TourProblem, arcs: Longs) -> tuple[Longs, Longs, Longs]:
-    """The earliest and latest beginnings (n,), and the least time from beginning to beginning (n, n)."""
+    """The earliest and latest beginnings (n,), and the least time from beginning to beginning
+    (n, n).
+    """
     windows = [visit.window or (0, LATEST_BEGINNING) for visit in problem.visits]
     lasts = np.array([visit.duration for visit in problem.visits], np.int64)
     steps = (arcs + lasts[:, None]).astype(float)
@@ -166,7 +177,9 @@ def _beginning_times(problem: TourProblem, arcs: Longs) -> tuple[Longs, Longs, L
 
 
 def _allowed_arcs(problem: TourProblem, arcs: Longs, before: Truths) -> Truths:
-    """Whether b may come directly after a (n, n): nothing has to come between them, and b is not before a."""
+    """Whether b may come directly after a (n, n): nothing has to come between them, and b is
+    not before a.
+    """
     between: Truths = before.astype(np.float32) @ before.astype(np.float32) > 0
     allowed: Truths = ~(before.T | between)
     np.fill_diagonal(allowed, False)

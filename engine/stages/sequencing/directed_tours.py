@@ -9,11 +9,15 @@ from cellwright.engine.kernels.arrays import Longs
 from cellwright.engine.model.outcome import GaveUp, Infeasible
 from cellwright.engine.model.tour_problem import Tour, TourProblem, cost_of, tour_violations
 from cellwright.engine.stages.sequencing.city_costs import nearest_cities
-from cellwright.engine.stages.sequencing.directed_bounds import directed_lower_bound, search_directed
+from cellwright.engine.stages.sequencing.directed_bounds import (
+    directed_lower_bound,
+    search_directed,
+)
 from cellwright.engine.stages.sequencing.search_limits import TourLimits
 
 MAX_DIRECTED_PROOF_VISITS = 40  # a proof is tried up to this number of visits
-FEW, DOUBLED = 9, 2500  # between these numbers of visits, directed costs become costs of twice as many cities
+# between these numbers of visits, directed costs become costs of twice as many cities
+FEW, DOUBLED = 9, 2500
 ANNEALING_SLICE = 20_000
 MAX_MOVES = 5_000_000  # the greatest number of moves, if the caller sets none
 FAR_PRICE = 2**62
@@ -21,7 +25,9 @@ FINE, HEAVIEST = 2, 256  # the first and the greatest fine for each unit of late
 
 
 def best_first_order(problem: TourProblem) -> tuple[int, ...] | None:
-    """An order that keeps precedence and ends, urgent visits first; None if precedence and ends form a cycle."""
+    """An order that keeps precedence and ends, urgent visits first; None if precedence and ends
+    form a cycle.
+    """
     n = len(problem.visits)
     before: dict[int, set[int]] = {visit: set() for visit in range(n)}
     for first, second in problem.precedence:
@@ -87,10 +93,11 @@ def solve_directed(
 
 
 def _anneal_order(problem: TourProblem, limits: TourLimits) -> tuple[tuple[int, ...], int]:
-    """The order of least price, and the moves made. Each annealing is twice as long as the one before.
+    """The order of least price, and the moves made. Each annealing is twice as long as the one
+    before.
 
-    Broken windows and precedence are fined. The fines are light at first, so that the search can pass through
-    such orders, and grow later.
+    Broken windows and precedence are fined. The fines are light at first, so that the search can
+    pass through such orders, and grow later.
     """
     from cellwright.engine.stages.sequencing.kernels.directed import anneal, price
 
@@ -120,7 +127,18 @@ def _anneal_order(problem: TourProblem, limits: TourLimits) -> tuple[tuple[int, 
         while moves_left > 0 and not limits.interrupted():
             seed, now = seed + 1, min(ANNEALING_SLICE, moves_left)
             annealed_order, cost, warmth = anneal(
-                order, arcs, near, problem.closed, low, high, *rules, fine, now, warmth, cooling, seed
+                order,
+                arcs,
+                near,
+                problem.closed,
+                low,
+                high,
+                *rules,
+                fine,
+                now,
+                warmth,
+                cooling,
+                seed,
             )
             if cost < value:
                 best, value = annealed_order, cost
@@ -132,5 +150,9 @@ def _anneal_order(problem: TourProblem, limits: TourLimits) -> tuple[tuple[int, 
 def _visit_times(problem: TourProblem) -> Longs:
     """Durations, earliest beginnings and latest beginnings (3, n)."""
     windows = [visit.window or (0, FAR_PRICE) for visit in problem.visits]
-    rows = ([visit.duration for visit in problem.visits], [w[0] for w in windows], [w[1] for w in windows])
+    rows = (
+        [visit.duration for visit in problem.visits],
+        [w[0] for w in windows],
+        [w[1] for w in windows],
+    )
     return np.array(rows, np.int64)

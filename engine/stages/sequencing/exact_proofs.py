@@ -1,7 +1,7 @@
 """Proofs of tours by CP-SAT: a circuit over the visits, with times and ranks.
 
-The solver runs with one worker and a limit on its deterministic time, so the same problem gives the same
-answer.
+The solver runs with one worker and a limit on its deterministic time, so the same problem gives the
+same answer.
 """
 
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -21,7 +21,9 @@ STOP_CHECK_PERIOD_S = 0.05  # seconds between two checks whether to stop
 
 @dataclass(frozen=True, slots=True)
 class ExactAnswer:
-    """The best order found, if any; a lower bound; and whether it is proved that there is no order."""
+    """The best order found, if any; a lower bound; and whether it is proved that there is no
+    order.
+    """
 
     order: tuple[int, ...] | None
     lower_bound: int
@@ -31,18 +33,24 @@ class ExactAnswer:
 def solve_circuit(
     cost: Longs, allowed: Truths, upper: int, order: tuple[int, ...], limits: TourLimits
 ) -> ExactAnswer:
-    """A closed tour of least cost along the `allowed` arcs (n, n), from a known `order` of cost `upper`."""
+    """A closed tour of least cost along the `allowed` arcs (n, n), from a known `order` of cost
+    `upper`.
+    """
     model = cp_model.CpModel()
     arcs = {(int(a), int(b)): model.new_bool_var("") for a, b in np.argwhere(allowed) if a != b}
     model.add_circuit([(a, b, arc) for (a, b), arc in arcs.items()])
-    total = cp_model.LinearExpr.weighted_sum(list(arcs.values()), [int(cost[pair]) for pair in arcs])
+    total = cp_model.LinearExpr.weighted_sum(
+        list(arcs.values()), [int(cost[pair]) for pair in arcs]
+    )
     model.add(total <= upper)
     model.minimize(total)
     _hint_order(model, arcs, order)
     return _solve_model(model, arcs, len(cost), limits)
 
 
-def solve_ordered(problem: TourProblem, order: tuple[int, ...] | None, limits: TourLimits) -> ExactAnswer:
+def solve_ordered(
+    problem: TourProblem, order: tuple[int, ...] | None, limits: TourLimits
+) -> ExactAnswer:
     """An order of least cost that keeps all conditions of the problem; `order` is a hint."""
     model, n = cp_model.CpModel(), len(problem.visits)
     cost = problem.arcs
@@ -66,7 +74,9 @@ def solve_ordered(problem: TourProblem, order: tuple[int, ...] | None, limits: T
 def _end_literals(
     model: cp_model.CpModel, problem: TourProblem, arcs: Arcs
 ) -> tuple[list[cp_model.IntVar], list[cp_model.IntVar]]:
-    """Literals for the first and the last visit: arcs from and to one more node, n, between the two."""
+    """Literals for the first and the last visit: arcs from and to one more node, n, between the
+    two.
+    """
     n = len(problem.visits)
     first = [model.new_bool_var("") for _ in range(n)]
     last = [model.new_bool_var("") for _ in range(n)]
@@ -117,7 +127,9 @@ def _time_visits(model: cp_model.CpModel, problem: TourProblem, cost: Longs, arc
         early, late = visit.window or (0, horizon)
         if early > late:
             model.add_bool_or([])
-        clock.append(model.new_int_var(min(early, horizon), max(min(late, horizon), min(early, horizon)), ""))
+        clock.append(
+            model.new_int_var(min(early, horizon), max(min(late, horizon), min(early, horizon)), "")
+        )
     for (a, b), arc in arcs.items():
         if a < n and b < n:
             wait = problem.visits[a].duration + int(cost[a, b])
@@ -131,7 +143,9 @@ def _hint_order(model: cp_model.CpModel, arcs: Arcs, order: tuple[int, ...]) -> 
 
 
 def _run_solver(solver: cp_model.CpSolver, model: cp_model.CpModel, limits: TourLimits) -> Any:
-    """Solve in a thread of its own, so that this thread can notice an interrupt and end the search."""
+    """Solve in a thread of its own, so that this thread can notice an interrupt and end the
+    search.
+    """
     with ThreadPoolExecutor(1) as pool:
         running = pool.submit(solver.solve, model)
         while not wait([running], STOP_CHECK_PERIOD_S).done:

@@ -17,7 +17,11 @@ def chain_tour(cost: Matrix, positions: NDArray[np.floating] | None = None) -> O
 
     It grows from the convex hull of `positions` (n, 2), or without them from the dearest edge.
     """
-    from cellwright.engine.stages.sequencing.kernels.chain import exchange_edges, insert_all, peephole
+    from cellwright.engine.stages.sequencing.kernels.chain import (
+        exchange_edges,
+        insert_all,
+        peephole,
+    )
 
     tour: Order = insert_all(_first_ring(cost, positions), cost)
     exchange_edges(tour, cost)
@@ -61,7 +65,9 @@ HILBERT_BITS = 16
 
 
 def along_hilbert(points: Floats) -> Ints:
-    """The order (n,) of points (n, d) along a Hilbert curve (Skilling 2004, transposed coordinates)."""
+    """The order (n,) of points (n, d) along a Hilbert curve (Skilling 2004, transposed
+    coordinates).
+    """
     low = points.min(axis=0)
     width = max(float((points.max(axis=0) - low).max()), 1e-300)
     axes = ((points - low) / width * (2**HILBERT_BITS - 1)).astype(np.int64).T.copy()

@@ -1,8 +1,9 @@
 """Lower bound of Held and Karp for many cities: an ascent over few edges, then all are counted.
 
-Held & Karp 1970, 1971; steps as in Helsgaun 2000 and Barahona & Anbil 2000. An ascent over few edges can give a figure that is too
-high. So what is returned is always the weight of a tree of all edges under the penalties that were found. Its edges that
-were lacking are added, and the ascent goes on.
+Held & Karp 1970, 1971; steps as in Helsgaun 2000 and Barahona & Anbil 2000. An ascent over few
+edges can give a figure that is too high. So what is returned is always the weight of a tree of all
+edges under the penalties that were found. Its edges that were lacking are added, and the ascent
+goes on.
 """
 
 from collections.abc import Sequence
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
     from cellwright.engine.stages.sequencing.kernels.graphs import Graph
 
 PENALTY_GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
-# Rounds of the ascent: how many steps as a share of those that suit the cities, and the share of what is lacking that a step
-# makes up for, at its beginning and its end. After each round edges that are lacking are added.
+# Rounds of the ascent: how many steps as a share of those that suit the cities, and the share of
+# what is lacking that a step makes up for, at its beginning and its end. After each round edges
+# that are lacking are added.
 CLUSTERED = 1.5  # the same share for the ascent over clusters, which comes first
 ASCENT_ROUNDS = (
     (0.0, 1.0, 1.0),
@@ -36,19 +38,30 @@ SINGLE_ASCENT_ROUNDS = (
 AIM, LITTLE = (
     0.03,
     0.001,
-)  # of the tour: how far above the best bound a step aims at the most, and the least that is made up for
+    # of the tour: how far above the best bound a step aims at the most, and the least that is made
+    # up for
+)
 DEGREE_MEMORY = 0.97  # of the average, at each step
 STEPS, EFFORT = 4000, 1_500_000  # steps of the ascent: at most so many, or so many cities looked at
 MAX_DENSE_CITIES = 12_000  # up to this number of cities all edges are counted one by one
-MAX_QUICK_CITIES = 8_000  # up to this number of cities there is always a bound, soon after an interrupt
+# up to this number of cities there is always a bound, soon after an interrupt
+MAX_QUICK_CITIES = 8_000
 NEAR_EDGES_COUNTED = 60  # of more cities, on average so many near ones are counted
 QUANTILES = (1.0, 0.9999, 0.999, 0.99, 0.95, 0.9, 0.75, 0.5)  # of the weights of a tree
-STEEPEST = 4.0  # a city of more edges is turned no more than by so many: one that all are near would leap out of reach
+# a city of more edges is turned no more than by so many: one that all are near would leap out of
+# reach
+STEEPEST = 4.0
 LIGHTEST = 5  # so many edges of each city are looked for where there is a table
 WEIGHT_CHUNK = 2_000_000  # weights at once
 FEWER, LEAST = 4, 3  # each time as many clusters; the fewest
 NO_FLOOR = 1e300
-SHRINK = {"rounded": 1.0, "raised": 1.0, "manhattan": 1.0, "micrometres": 1e6, "pseudo_euclidean": 0.1**0.5}
+SHRINK = {
+    "rounded": 1.0,
+    "raised": 1.0,
+    "manhattan": 1.0,
+    "micrometres": 1e6,
+    "pseudo_euclidean": 0.1**0.5,
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +78,9 @@ class _EdgeList:
         return self.graph.weigh(penalty, degree, floor)
 
     def tree(self, penalty: Floats, cities: int = 0) -> tuple[Ints, Floats]:
-        """The edges of a shortest tree of all cities, or of the first so many, with their weights, the lightest first."""
+        """The edges of a shortest tree of all cities, or of the first so many, with their
+        weights, the lightest first.
+        """
         tree_degrees = np.zeros(len(penalty), np.int32)
         tree = tree_degrees[: self.graph.span(penalty, cities or len(penalty), tree_degrees)]
         return tree, self.cost[tree] + penalty[self.first[tree]] + penalty[self.second[tree]]
@@ -73,7 +88,9 @@ class _EdgeList:
     def floors(self, penalty: Floats) -> Floats:
         """Some weights of edges in a shortest tree, the greatest first."""
         _, weight = self.tree(penalty)
-        floor_weights: Floats = np.floor(np.quantile(weight, QUANTILES) * PENALTY_GRAIN) / PENALTY_GRAIN
+        floor_weights: Floats = (
+            np.floor(np.quantile(weight, QUANTILES) * PENALTY_GRAIN) / PENALTY_GRAIN
+        )
         return floor_weights
 
 
@@ -87,8 +104,9 @@ def sparse_lower_bound(
 ) -> tuple[int, Floats]:
     """A lower bound on all closed tours of n >= 8 cities, and penalties (n,) that were found last.
 
-    `near` (n, k) are candidates, `tour` is a good tour. The last city of an `opened` tour is no place: it stands for its ends.
-    `effort` is the number of cities that are looked at. If it is interrupted, it has no time for a bound on many cities: 0.
+    `near` (n, k) are candidates, `tour` is a good tour. The last city of an `opened` tour is no
+    place: it stands for its ends. `effort` is the number of cities that are looked at. If it is
+    interrupted, it has no time for a bound on many cities: 0.
     """
     n, upper, best = len(costs), costs.of_tour(tour), -np.inf
     costs = costs.tabled()
@@ -103,7 +121,9 @@ def sparse_lower_bound(
     first_steps = int(steps * CLUSTERED) if whole else steps
     penalty = _raise_clusters(edges, np.zeros(n), places, float(upper), first_steps, interrupted)
     for part, *shares in ASCENT_ROUNDS if whole else SINGLE_ASCENT_ROUNDS:
-        penalty = _averaged_ascent(edges, penalty, float(upper), int(steps * part), shares, interrupted)
+        penalty = _averaged_ascent(
+            edges, penalty, float(upper), int(steps * part), shares, interrupted
+        )
         if interrupted() and (n > MAX_QUICK_CITIES or np.isfinite(best)):
             break
         value, codes = _of_all(costs, penalty, edges)
@@ -113,7 +133,9 @@ def sparse_lower_bound(
         if interrupted() or best > upper - 1:
             break
         if len(fresh):
-            edges = _edge_list(costs, np.concatenate((known_codes, fresh, _promising_edges(costs, penalty))))
+            edges = _edge_list(
+                costs, np.concatenate((known_codes, fresh, _promising_edges(costs, penalty)))
+            )
     return min(upper, int(np.ceil(best))) if np.isfinite(best) else 0, penalty
 
 
@@ -135,7 +157,9 @@ def _edge_list(costs: CityCosts, codes: Longs) -> _EdgeList:
 
 
 def _promising_edges(costs: CityCosts, penalty: Floats) -> Longs:
-    """The few lightest edges of each city under the penalties; none of many cities, which have too many edges to look at."""
+    """The few lightest edges of each city under the penalties; none of many cities, which have
+    too many edges to look at.
+    """
     n = len(costs)
     if costs.matrix is None or n > MAX_TABLED_CITIES:
         return np.zeros(0, np.int64)
@@ -149,12 +173,18 @@ def _promising_edges(costs: CityCosts, penalty: Floats) -> Longs:
 
 
 def _raise_clusters(
-    edges: _EdgeList, penalty: Floats, places: int, upper: float, steps: int, interrupted: Interrupted
+    edges: _EdgeList,
+    penalty: Floats,
+    places: int,
+    upper: float,
+    steps: int,
+    interrupted: Interrupted,
 ) -> Floats:
-    """Penalties (n,) that are raised for whole clusters of the first `places` cities, at first for the few largest.
+    """Penalties (n,) that are raised for whole clusters of the first `places` cities, at first for
+    the few largest.
 
-    What one city says about its cluster is little against what it says about itself. So an ascent over single cities takes
-    very long until all cities of a cluster have moved.
+    What one city says about its cluster is little against what it says about itself. So an ascent
+    over single cities takes very long until all cities of a cluster have moved.
     """
     n, cluster = len(penalty), np.zeros(len(penalty), np.int32)
     tree, weight = edges.tree(penalty, places)
@@ -179,11 +209,13 @@ def _averaged_ascent(
     shares: Sequence[float],
     interrupted: Interrupted,
 ) -> Floats:
-    """The penalties (n,) of the best bound, by steps along an average of what the last trees say (Barahona & Anbil 2000).
+    """The penalties (n,) of the best bound, by steps along an average of what the last trees say
+    (Barahona & Anbil 2000).
 
-    A single tree says too much: from one step to the next its edges leap to and fro between clusters. A step is a share of
-    what is lacking (Held & Karp 1971), which falls from the first of the `shares` to the last, as in annealing. What is lacking
-    is not told by `upper` alone, as the tour may be poor: nobody aims far above the best bound so far.
+    A single tree says too much: from one step to the next its edges leap to and fro between
+    clusters. A step is a share of what is lacking (Held & Karp 1971), which falls from the first of
+    the `shares` to the last, as in annealing. What is lacking is not told by `upper` alone, as the
+    tour may be poor: nobody aims far above the best bound so far.
     """
     degree, best_penalty, best = np.zeros(len(penalty), np.int32), penalty, -np.inf
     average: Floats = np.zeros(len(penalty))
@@ -226,15 +258,21 @@ def _periodic_ascent(
                 best, best_penalty = value, penalty
             if not turn.any() or best > upper - 1 or interrupted():
                 return best_penalty
-            turn = np.clip(np.asarray(np.bincount(cluster, turn), np.float64)[cluster], -STEEPEST, STEEPEST)
-            penalty = penalty + np.rint(PENALTY_GRAIN * size * (0.7 * turn + 0.3 * last)) / PENALTY_GRAIN
+            turn = np.clip(
+                np.asarray(np.bincount(cluster, turn), np.float64)[cluster], -STEEPEST, STEEPEST
+            )
+            penalty = (
+                penalty + np.rint(PENALTY_GRAIN * size * (0.7 * turn + 0.3 * last)) / PENALTY_GRAIN
+            )
             last = turn
         period, size, penalty = period * 2 // 3, size / 2, best_penalty
     return best_penalty
 
 
 def _of_all(costs: CityCosts, penalty: Floats, edges: _EdgeList) -> tuple[float, Longs]:
-    """The weight of a minimum 1-tree of all edges, less twice the penalties, or a little less; and its edges if known."""
+    """The weight of a minimum 1-tree of all edges, less twice the penalties, or a little less;
+    and its edges if known.
+    """
     n = len(costs)
     if n > MAX_DENSE_CITIES and costs.metric is not None:
         return _at_least(costs, penalty, edges), np.zeros(0, np.int64)
@@ -249,9 +287,9 @@ def _of_all(costs: CityCosts, penalty: Floats, edges: _EdgeList) -> tuple[float,
 def _at_least(costs: CityCosts, penalty: Floats, edges: _EdgeList) -> float:
     """A bound from the cities that are near each city: all other edges weigh at least a floor.
 
-    Two cities a and b that are farther from each other than the radius of each have an edge of at least half the cost of
-    the one radius and half the cost of the other. The radius of a city depends on its penalty, so that half the cost and
-    the penalty make half the floor.
+    Two cities a and b that are farther from each other than the radius of each have an edge of at
+    least half the cost of the one radius and half the cost of the other. The radius of a city
+    depends on its penalty, so that half the cost and the penalty make half the floor.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -261,7 +299,10 @@ def _at_least(costs: CityCosts, penalty: Floats, edges: _EdgeList) -> float:
     shrink = SHRINK.get(costs.metric.kind, points.shape[1] ** -0.5)
     for floor in edges.floors(penalty):
         radius = np.maximum((floor - 2 * penalty[:m] + 1.0) / shrink * (1 + 1e-9), 0.0)
-        if int(tree.query_ball_point(points, radius, return_length=True).sum()) <= NEAR_EDGES_COUNTED * m:
+        if (
+            int(tree.query_ball_point(points, radius, return_length=True).sum())
+            <= NEAR_EDGES_COUNTED * m
+        ):
             break
     else:
         return 0.0

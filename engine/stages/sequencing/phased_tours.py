@@ -1,7 +1,7 @@
 """Tours in phases: all visits of one phase come before those of the next.
 
-Where costs are the same in both directions and the ends are free, one search finds the tours of all phases and where they
-meet. Else each phase is a tour from where the last one ends.
+Where costs are the same in both directions and the ends are free, one search finds the tours of all
+phases and where they meet. Else each phase is a tour from where the last one ends.
 """
 
 from collections.abc import Callable
@@ -33,15 +33,21 @@ def phase_contradiction(problem: TourProblem) -> str | None:
     phases = [visit.phase for visit in problem.visits]
     if problem.start is not None and phases[problem.start] > min(phases):
         return (
-            f"{problem.visits[problem.start].name} cannot be first: visits of an earlier phase come before it"
+            f"{problem.visits[problem.start].name} cannot be first: visits of an earlier phase "
+            "come before it"
         )
     if problem.end is not None and phases[problem.end] < max(phases):
-        return f"{problem.visits[problem.end].name} cannot be last: visits of a later phase come after it"
+        return (
+            f"{problem.visits[problem.end].name} cannot be last: visits of a later phase come "
+            "after it"
+        )
     return None
 
 
 def in_pairs(problem: TourProblem) -> TourProblem:
-    """The problem with its phases as precedence: of each visit before each one of the next phase."""
+    """The problem with its phases as precedence: of each visit before each one of the next
+    phase.
+    """
     groups = _phase_groups(problem)
     pairs = tuple((a, b) for now, then in pairwise(groups) for a in now for b in then)
     visits = tuple(replace(visit, phase=0) for visit in problem.visits)
@@ -49,18 +55,26 @@ def in_pairs(problem: TourProblem) -> TourProblem:
 
 
 def by_phases(
-    problem: TourProblem, limits: TourLimits, method: str, solve: Solve, improved: From | None = None
+    problem: TourProblem,
+    limits: TourLimits,
+    method: str,
+    solve: Solve,
+    improved: From | None = None,
 ) -> Answer:
-    """The tour of all phases: by one search from an order on, where `improved` can make one; else phase by phase."""
+    """The tour of all phases: by one search from an order on, where `improved` can make one;
+    else phase by phase.
+    """
     toll_tour = _toll_tour(problem, limits, improved) if improved is not None else None
     return _one_by_one(problem, limits, method, solve) if toll_tour is None else toll_tour
 
 
 def _toll_tour(problem: TourProblem, limits: TourLimits, improved: From) -> Tour | None:
-    """The tour by one search in which a way to another phase costs a toll; None if the best order does not keep the phases.
+    """The tour by one search in which a way to another phase costs a toll; None if the best order
+    does not keep the phases.
 
-    An order that pays as few tolls as possible keeps the phases, or does so the other way round. The bound without these tolls
-    holds whatever the toll. A great one would disturb the search, which judges by the mean way.
+    An order that pays as few tolls as possible keeps the phases, or does so the other way round.
+    The bound without these tolls holds whatever the toll. A great one would disturb the search,
+    which judges by the mean way.
     """
     groups = _phase_groups(problem)
     phase = {visit: number for number, group in enumerate(groups) for visit in group}
@@ -86,25 +100,34 @@ def _toll_tour(problem: TourProblem, limits: TourLimits, improved: From) -> Tour
     if tour_violations(problem, ways):
         return None
     lower = improved_tour.lower_bound - toll * (len(groups) - 1)
-    return replace(improved_tour, order=ways, cost=cost_of(problem, ways), lower_bound=max(0, lower))
+    return replace(
+        improved_tour, order=ways, cost=cost_of(problem, ways), lower_bound=max(0, lower)
+    )
 
 
 def _neighbour_order(problem: TourProblem) -> list[int]:
     """All visits, neighbours near each other where their places are known."""
     metric = problem.travel if isinstance(problem.travel, Metric) else None
-    return list(range(len(problem.visits))) if metric is None else along_hilbert(metric.points).tolist()
+    return (
+        list(range(len(problem.visits)))
+        if metric is None
+        else along_hilbert(metric.points).tolist()
+    )
 
 
 def _one_by_one(problem: TourProblem, limits: TourLimits, method: str, solve: Solve) -> Answer:
     """The tours of all phases, one after another.
 
-    The bound is that of each phase alone, with the shortest ways between. Of not too many visits there is another one, of all
-    phases together, which knows that the ways between end where tours begin.
+    The bound is that of each phase alone, with the shortest ways between. Of not too many visits
+    there is another one, of all phases together, which knows that the ways between end where tours
+    begin.
     """
     order: list[int] = []
     bound = work = 0
     for group in _phase_groups(problem):
-        phase_tour = solve(_phase_problem(problem, [*order[-1:], *group], bool(order)), limits, method)
+        phase_tour = solve(
+            _phase_problem(problem, [*order[-1:], *group], bool(order)), limits, method
+        )
         if not isinstance(phase_tour, Tour):
             return phase_tour
         work += phase_tour.work
@@ -128,11 +151,15 @@ def _phase_place(station: str, phase: int) -> str:
 
 def _phase_groups(problem: TourProblem) -> list[list[int]]:
     phases = sorted({visit.phase for visit in problem.visits})
-    return [[n for n, visit in enumerate(problem.visits) if visit.phase == phase] for phase in phases]
+    return [
+        [n for n, visit in enumerate(problem.visits) if visit.phase == phase] for phase in phases
+    ]
 
 
 def _phase_problem(problem: TourProblem, members: list[int], led: bool) -> TourProblem:
-    """The open tour of some visits; it begins with the first of them if it is `led` there by the phase before."""
+    """The open tour of some visits; it begins with the first of them if it is `led` there by
+    the phase before.
+    """
     place = {visit: number for number, visit in enumerate(members)}
     return replace(
         problem,
@@ -155,7 +182,9 @@ def _phase_bound(
     """What a phase costs at least, wherever the one before ends."""
     if not order:
         return phase_tour.lower_bound
-    alone = solve(_phase_problem(problem, group, False), replace(limits, work=BOUND_KICKS, proof=0.0), "auto")
+    alone = solve(
+        _phase_problem(problem, group, False), replace(limits, work=BOUND_KICKS, proof=0.0), "auto"
+    )
     return _least_way(problem, order, group) + (alone.lower_bound if isinstance(alone, Tour) else 0)
 
 

@@ -1,7 +1,8 @@
 """Tours of visits with several poses each: order and poses chosen together or in turn.
 
-A field begins with one pose of one visit and spreads along a shortest spanning tree of the positions. Each
-visit takes the pose that is nearest to its parent's pose. In a field, only the order is still open.
+A field begins with one pose of one visit and spreads along a shortest spanning tree of the
+positions. Each visit takes the pose that is nearest to its parent's pose. In a field, only the
+order is still open.
 """
 
 from dataclasses import dataclass
@@ -23,26 +24,33 @@ MAX_FIRST_POSES = 256  # at most this many poses of the first visit are tried
 def pose_fields(table: Floats, offset: Ints, lines: Longs) -> list[Ints]:
     """A field for each pose of the first visit of the tree.
 
-    The field whose poses change least along the tree comes first. `table` (m, k) has all poses as joint
-    times; the poses of visit v begin at row offset[v]. `lines` (n, n) are distances. A field has one row
-    number for each visit (n,).
+    The field whose poses change least along the tree comes first. `table` (m, k) has all poses as
+    joint times; the poses of visit v begin at row offset[v]. `lines` (n, n) are distances. A field
+    has one row number for each visit (n,).
     """
     tree = _spanning_tree(lines)
     candidate_fields = []
-    for row in range(offset[tree[0][0]], min(offset[tree[0][0] + 1], offset[tree[0][0]] + MAX_FIRST_POSES)):
+    for row in range(
+        offset[tree[0][0]], min(offset[tree[0][0] + 1], offset[tree[0][0]] + MAX_FIRST_POSES)
+    ):
         rows, change = np.zeros(len(lines), np.int32), 0.0
         rows[tree[0][0]] = row
         for visit, parent in tree[1:]:
-            steps = np.abs(table[offset[visit] : offset[visit + 1]] - table[rows[parent]]).max(axis=1)
+            steps = np.abs(table[offset[visit] : offset[visit + 1]] - table[rows[parent]]).max(
+                axis=1
+            )
             nearest = int(np.argmin(steps))
             rows[visit], change = offset[visit] + nearest, change + float(steps[nearest])
         candidate_fields.append((change, row, rows))
-    return [rows for _, _, rows in sorted(candidate_fields, key=lambda candidate_field: candidate_field[:2])]
+    return [
+        rows
+        for _, _, rows in sorted(candidate_fields, key=lambda candidate_field: candidate_field[:2])
+    ]
 
 
 def _spanning_tree(lines: Longs) -> list[tuple[int, int]]:
-    """The visits of a shortest spanning tree with their parents; parents come first, the root is the last
-    visit.
+    """The visits of a shortest spanning tree with their parents; parents come first, the root is
+    the last visit.
     """
     n = len(lines)
     near, parent = np.full(n, np.iinfo(np.int64).max), np.zeros(n, np.intp)
@@ -75,8 +83,8 @@ MIN_RUINED_VISITS = 8  # ruin and recreate is left out if there are fewer visits
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseRing:
-    """A closed tour: the visits in order (n,), the row of each visit's pose in the table (n,), and the time
-    (s).
+    """A closed tour: the visits in order (n,), the row of each visit's pose in the table (n,), and
+    the time (s).
     """
 
     order: Ints
@@ -85,12 +93,16 @@ class PoseRing:
 
 
 def tour_then_poses(problem: PoseProblem) -> Tour:
-    """A tour of the positions by nearest neighbour and two-edge exchange, then the best poses for it (RoboTSP)."""
+    """A tour of the positions by nearest neighbour and two-edge exchange, then the best poses
+    for it (RoboTSP).
+    """
     return _pose_tour(problem, _first_ring(problem), 0, "tour-then-poses")
 
 
 def with_poses(problem: PoseProblem, limits: TourLimits = TourLimits()) -> Tour:
-    """Order and poses together: tours of pose fields, then ruin and recreate on both, in `work` rounds."""
+    """Order and poses together: tours of pose fields, then ruin and recreate on both, in `work`
+    rounds.
+    """
     ring, work = _first_ring(problem), 0
     if len(problem.visits) >= MIN_RUINED_VISITS and not limits.interrupted():
         ring = min((ring, *_of_fields(problem, limits)), key=lambda pose_ring: pose_ring.time)
@@ -101,7 +113,9 @@ def with_poses(problem: PoseProblem, limits: TourLimits = TourLimits()) -> Tour:
 def poses_for(problem: PoseProblem, order: tuple[int, ...]) -> Tour:
     """The best poses for a closed tour whose order is given."""
     table, offset = _pose_table(problem)
-    return _pose_tour(problem, _choose_poses(np.array(order, np.int32), table, offset, problem), 0, "poses")
+    return _pose_tour(
+        problem, _choose_poses(np.array(order, np.int32), table, offset, problem), 0, "poses"
+    )
 
 
 def _first_ring(problem: PoseProblem) -> PoseRing:
@@ -131,12 +145,17 @@ def _of_fields(problem: PoseProblem, limits: TourLimits) -> list[PoseRing]:
     return [_choose_poses(tour.order, table, offset, problem) for tour in best]
 
 
-def _search_together(problem: PoseProblem, ring: PoseRing, limits: TourLimits) -> tuple[PoseRing, int]:
+def _search_together(
+    problem: PoseProblem, ring: PoseRing, limits: TourLimits
+) -> tuple[PoseRing, int]:
     from cellwright.engine.stages.sequencing.kernels.poses import search
 
     n = len(problem.visits)
     table, offset = _pose_table(problem)
-    near, total = nearest_cities(_straight_lengths(problem), NEAR_VISITS), limits.work or 500 + 4 * n
+    near, total = (
+        nearest_cities(_straight_lengths(problem), NEAR_VISITS),
+        limits.work or 500 + 4 * n,
+    )
     mean, seed, done = max(ring.time / n, 1e-6), limits.seed, 0
     warmth, cooling = WARM * mean, (COLD / WARM) ** (1 / total)
     order, rows, best = ring.order, ring.rows, ring
@@ -151,7 +170,10 @@ def _search_together(problem: PoseProblem, ring: PoseRing, limits: TourLimits) -
 
 
 def _choose_poses(order: Ints, table: Floats, offset: Ints, problem: PoseProblem) -> PoseRing:
-    """The best poses for an order. The tour is cut at the visit with the fewest poses, which saves time."""
+    """The best poses for an order.
+
+    The tour is cut at the visit with the fewest poses, which saves time.
+    """
     from cellwright.engine.stages.sequencing.kernels.poses import best_poses
 
     fewest = int(np.argmin([len(problem.poses[visit]) for visit in order]))
@@ -161,14 +183,18 @@ def _choose_poses(order: Ints, table: Floats, offset: Ints, problem: PoseProblem
 
 
 def _pose_table(problem: PoseProblem) -> tuple[Floats, Ints]:
-    """All poses as joint times (m, k), and the row at which the poses of each visit begin (n + 1,)."""
+    """All poses as joint times (m, k), and the row at which the poses of each visit begin (n +
+    1,).
+    """
     counts = [len(visit_poses) for visit_poses in problem.poses]
     table = np.concatenate(problem.poses) / problem.speeds
     return np.ascontiguousarray(table), np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
 
 
 def _straight_lengths(problem: PoseProblem, nowhere_m: float = 0.0) -> Longs:
-    """Lengths of straight lines (n, n) in micrometres; `nowhere_m` to and from a visit without a position."""
+    """Lengths of straight lines (n, n) in micrometres; `nowhere_m` to and from a visit without
+    a position.
+    """
     n = len(problem.visits)
     places = np.array([visit.position or (0.0, 0.0, 0.0) for visit in problem.visits], float)
     lines = np.sqrt(((places[:, None] - places[None]) ** 2).sum(axis=2))
@@ -187,6 +213,9 @@ def _pose_tour(problem: PoseProblem, ring: PoseRing, work: int, method: str) -> 
 
 def pose_tour_time(problem: PoseProblem, order: tuple[int, ...], poses: tuple[int, ...]) -> float:
     """How long a closed tour takes, in seconds. It is computed plainly, for checks."""
-    where = [problem.poses[visit][pose] / problem.speeds for visit, pose in zip(order, poses, strict=True)]
+    where = [
+        problem.poses[visit][pose] / problem.speeds
+        for visit, pose in zip(order, poses, strict=True)
+    ]
     ways = zip(where, [*where[1:], where[0]], strict=True)
     return float(sum(np.abs(pose_after - pose_before).max() for pose_before, pose_after in ways))

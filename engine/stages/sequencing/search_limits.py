@@ -14,9 +14,10 @@ def ignore_cost(_cost: int) -> None:
 class TourLimits:
     """`work` is the greatest number of kicks or moves; 0: a number that suits the number of visits.
 
-    `interrupted` is asked now and then whether to stop. `proof` is the solver's deterministic time for an
-    exact search, about seconds. `tell` is called now and then with the cost of the best tour so far. Without `sharp` no time
-    goes into a bound that is nearer to the tour that was found: the first one is told.
+    `interrupted` is asked now and then whether to stop. `proof` is the solver's deterministic time
+    for an exact search, about seconds. `tell` is called now and then with the cost of the best tour
+    so far. Without `sharp` no time goes into a bound that is nearer to the tour that was found: the
+    first one is told.
     """
 
     work: int = 0

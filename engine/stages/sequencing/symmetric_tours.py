@@ -1,7 +1,7 @@
 """Closed tours under symmetric costs: annealed exchanges, merged tours, and a lower bound.
 
-Cook & Seymour 2003 (tour merging). Paths of common edges become single edges that must stay. So the search has a fraction
-of the cities and few candidates, and needs little time.
+Cook & Seymour 2003 (tour merging). Paths of common edges become single edges that must stay. So the
+search has a fraction of the cities and few candidates, and needs little time.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 
 from cellwright.engine.kernels.arrays import Floats, Ints, Longs, Truths
 from cellwright.engine.kernels.cancellation import Interrupted, never
-from cellwright.engine.stages.sequencing.city_costs import CityCosts, nearest_cities, quadrant_cities
+from cellwright.engine.stages.sequencing.city_costs import (
+    CityCosts,
+    nearest_cities,
+    quadrant_cities,
+)
 from cellwright.engine.stages.sequencing.search_limits import TourLimits
 
 if TYPE_CHECKING:
@@ -26,8 +30,12 @@ MERGING_WARM, MERGING_COLD = 0.3, 0.03  # times the mean edge
 KICKS = 40  # for each city that is left
 
 
-def merge_tours(costs: CityCosts, tours: Sequence[Ints], seed: int, interrupted: Interrupted = never) -> Ints:
-    """A tour (n,) that costs no more than the first of `tours`, which are permutations of the same n cities."""
+def merge_tours(
+    costs: CityCosts, tours: Sequence[Ints], seed: int, interrupted: Interrupted = never
+) -> Ints:
+    """A tour (n,) that costs no more than the first of `tours`, which are permutations of the
+    same n cities.
+    """
     from cellwright.engine.stages.sequencing.kernels.kicks import Kicker
 
     base = _turn_tour(tours[0], costs)
@@ -69,7 +77,10 @@ def _tour_codes(tour: Ints) -> Longs:
 
 
 def _path_mates(fixed: Truths) -> Ints:
-    """The other end of the common path that ends at a city, or -1. `fixed` says whether a path begins at a city."""
+    """The other end of the common path that ends at a city, or -1.
+
+    `fixed` says whether a path begins at a city.
+    """
     n = len(fixed)
     mate = np.full(n, -1, np.int32)
     begins = np.flatnonzero(fixed)
@@ -77,7 +88,9 @@ def _path_mates(fixed: Truths) -> Ints:
     return mate
 
 
-def _open_candidates(part: CityCosts, cities: Ints, open_edges: Longs, n: int) -> tuple[Ints, Longs]:
+def _open_candidates(
+    part: CityCosts, cities: Ints, open_edges: Longs, n: int
+) -> tuple[Ints, Longs]:
     """The other ends of the open edges of each city, nearest first, and the costs to them."""
     m = len(cities)
     number = np.full(n, -1, np.int64)
@@ -115,7 +128,8 @@ KICKS_SLICE = 2000  # kicks, or cities that are looked at, between two questions
 WARM, COLD = 2.0, 0.1  # times the mean edge, at the beginning and the end of each annealing
 FIRST, LONGEST = 10, 40  # kicks for each city in the first annealing, and in the longest
 MIN_HUGE_CITIES = (
-    20_000  # from this number of cities on, a first annealing that is hardly warm comes before all others
+    # from this number of cities on, a first annealing that is hardly warm comes before all others
+    20_000
 )
 MERGED_TOURS = 6  # that are merged
 TOUR_CANDIDATES = 7  # candidates of each city
@@ -133,7 +147,9 @@ class SymmetricAnswer:
 
 
 def tour_candidates(
-    costs: CityCosts, positions: NDArray[np.floating] | None = None, interrupted: Interrupted = never
+    costs: CityCosts,
+    positions: NDArray[np.floating] | None = None,
+    interrupted: Interrupted = never,
 ) -> Ints:
     """The candidate neighbours of each city (n, k); worth nothing if it is interrupted."""
     where = costs.points if positions is None else positions
@@ -144,14 +160,18 @@ def tour_candidates(
 
 
 def search_tour(
-    costs: CityCosts, start: Order, limits: TourLimits, near: Ints | None = None, mates: Ints | None = None
+    costs: CityCosts,
+    start: Order,
+    limits: TourLimits,
+    near: Ints | None = None,
+    mates: Ints | None = None,
 ) -> SymmetricAnswer:
     """The best closed tour found from `start` (n,), n >= 8. `near` (n, k) are candidate neighbours.
 
     `mates` (n,) has the city to which the edge of a city must stay, or -1; `start` has these edges.
 
-    One annealing after another begins at the best tour. Then the last tours are merged. Cities are numbered along `start`,
-    so that neighbours lie near each other in memory.
+    One annealing after another begins at the best tour. Then the last tours are merged. Cities are
+    numbered along `start`, so that neighbours lie near each other in memory.
     """
     n, total = len(costs), limits.work or default_work(len(costs))
     near = tour_candidates(costs, None, limits.interrupted) if near is None else near
@@ -190,7 +210,9 @@ class _TourSearch:
         self._offer(kicker.best())
 
     def anneal(self, total: int) -> None:
-        """One annealing from the best tour, longer than the one before, and a merge of what was found."""
+        """One annealing from the best tour, longer than the one before, and a merge of what was
+        found.
+        """
         n, huge = len(self.best), len(self.best) >= MIN_HUGE_CITIES and self.rounds == 0
         kicks = min(total - self.done, n * min(LONGEST, FIRST << self.rounds) + 1000)
         warmth = (COLD if huge else WARM) * max(self.cost, 1) / n
@@ -216,7 +238,9 @@ class _TourSearch:
         self.tours = [*self.tours[1 - MERGED_TOURS :], new_tour]
         if len(self.tours) > 1 and not self.limits.interrupted():
             seed = self.limits.seed + self.rounds
-            self._offer(merge_tours(self.costs, (self.best, *self.tours), seed, self.limits.interrupted))
+            self._offer(
+                merge_tours(self.costs, (self.best, *self.tours), seed, self.limits.interrupted)
+            )
 
     def _offer(self, tour: Ints) -> None:
         cost = self.costs.of_tour(tour)
@@ -244,7 +268,8 @@ def tour_lower_bound(
 ) -> tuple[int, Floats]:
     """A lower bound on all closed tours, and the penalties (n,) that prove it; n >= 3.
 
-    If `steps` is 0, their number suits n. The ascent begins at some `penalties` (n,) if they are given.
+    If `steps` is 0, their number suits n. The ascent begins at some `penalties` (n,) if they are
+    given.
     """
     from cellwright.engine.stages.sequencing.kernels.bounds import ascend
 

@@ -18,7 +18,9 @@ MAX_WINDOW_VISITS = 400  # visits; of more, shortest ways by way of other visits
 
 
 def clashing_windows(problem: TourProblem) -> str | None:
-    """Two visits that cannot both begin in their windows, in words; None if no two of them exclude each other."""
+    """Two visits that cannot both begin in their windows, in words; None if no two of them
+    exclude each other.
+    """
     timed = [n for n, visit in enumerate(problem.visits) if visit.window is not None]
     if len(timed) < 2 or len(problem.visits) > MAX_WINDOW_VISITS:
         return None
@@ -33,7 +35,9 @@ def clashing_windows(problem: TourProblem) -> str | None:
 
 
 def _least_times(problem: TourProblem) -> Longs:
-    """The least time (n, n) from the start of one visit to that of another, by way of any others (Floyd 1962)."""
+    """The least time (n, n) from the start of one visit to that of another, by way of any
+    others (Floyd 1962).
+    """
     lasts = np.array([visit.duration for visit in problem.visits], np.int64)
     ways: Longs = problem.arcs + lasts[:, None]
     for through in range(len(ways)):
@@ -54,9 +58,13 @@ def _too_late(problem: TourProblem, ways: Longs, first: int, second: int) -> boo
 def _clash_text(problem: TourProblem, ways: Longs, first_visit: int, second_visit: int) -> str:
     a, b = problem.visits[first_visit].name, problem.visits[second_visit].name
     unit = f" {problem.unit}" if problem.unit else ""
-    way_there, back = f"{ways[first_visit, second_visit]}{unit}", f"{ways[second_visit, first_visit]}{unit}"
+    way_there, back = (
+        f"{ways[first_visit, second_visit]}{unit}",
+        f"{ways[second_visit, first_visit]}{unit}",
+    )
     return (
-        f"{a} and {b} cannot both begin in their windows: {b} begins {way_there} after {a} at the soonest, "
+        f"{a} and {b} cannot both begin in their windows: {b} begins {way_there} after {a} at "
+        "the soonest, "
         f"and {a} {back} after {b}"
     )
 
@@ -66,23 +74,28 @@ MAX_UNCLUSTERED_CITIES = 20  # so few cities have no clusters
 MAX_PROOF_VISITS = 120  # the default method tries to prove its tour up to this number of visits
 MAX_MATRIX_VISITS = 8000  # more visits have no matrix of costs, which some methods need
 CHAINED = 12  # up to this number of visits the search begins with the chain of 1987
-CLOSE_BOUND_SHARE = 0.01  # a bound farther below the tour is raised after the search, if there is time
+# a bound farther below the tour is raised after the search, if there is time
+CLOSE_BOUND_SHARE = 0.01
 LATER_CITIES = 6_000_000  # cities that are looked at then
 MAX_EXACT_VISITS = 9  # up to this number of visits everything is solved exactly at once
 
 Answer = Tour | Infeasible | GaveUp
 
 
-def sequence_tour(problem: TourProblem, limits: TourLimits = TourLimits(), method: str = "auto") -> Answer:
+def sequence_tour(
+    problem: TourProblem, limits: TourLimits = TourLimits(), method: str = "auto"
+) -> Answer:
     """The best order found within the limits, with a lower bound; or why there is none.
 
-    `method` is one of METHODS. The chain of 1987 works only with symmetric costs, without windows and
-    precedence; in other cases the answer is `GaveUp`.
+    `method` is one of METHODS. The chain of 1987 works only with symmetric costs, without windows
+    and precedence; in other cases the answer is `GaveUp`.
     """
     n = len(problem.visits)
     if n == 0:
         return Tour((), 0, 0, method=method)
-    if (reason := phased_tours.phase_contradiction(problem) or _find_contradiction(problem)) is not None:
+    if (
+        reason := phased_tours.phase_contradiction(problem) or _find_contradiction(problem)
+    ) is not None:
         return Infeasible(reason)
     if problem.phased and (problem.precedence or problem.timed or n <= MAX_EXACT_VISITS):
         problem = phased_tours.in_pairs(problem)
@@ -104,11 +117,13 @@ def _in_one(problem: TourProblem, limits: TourLimits, method: str) -> Answer:
     n, plain = len(problem.visits), not problem.ordered and _is_symmetric(problem)
     if method == "chain1987" and not plain:
         return GaveUp(
-            "the chain of 1987 works only with symmetric costs, without windows and precedence", "method"
+            "the chain of 1987 works only with symmetric costs, without windows and precedence",
+            "method",
         )
     if n > MAX_MATRIX_VISITS and (method != "auto" or not plain):
         return GaveUp(
-            f"{_method_limit(method, plain)} needs all costs between visits: at most {MAX_MATRIX_VISITS} visits",
+            f"{_method_limit(method, plain)} needs all costs between visits: at most "
+            f"{MAX_MATRIX_VISITS} visits",
             "memory",
         )
     if (n <= MAX_EXACT_VISITS and method != "chain1987") or not plain:
@@ -147,8 +162,13 @@ def _tour_from(problem: TourProblem, limits: TourLimits, order: tuple[int, ...])
     return _plain_tour(problem, limits, "auto", order)
 
 
-def _plain_tour(problem: TourProblem, limits: TourLimits, method: str, begun: tuple[int, ...] = ()) -> Tour:
-    """The tour for symmetric costs without side conditions. The search begins with an order, if one is known."""
+def _plain_tour(
+    problem: TourProblem, limits: TourLimits, method: str, begun: tuple[int, ...] = ()
+) -> Tour:
+    """The tour for symmetric costs without side conditions.
+
+    The search begins with an order, if one is known.
+    """
     n, fixed = len(problem.visits), problem.start is not None and problem.end is not None
     circle = problem.closed and not fixed
     costs, extra = (_visit_costs(problem), 0) if circle else _with_ends(problem)
@@ -158,7 +178,9 @@ def _plain_tour(problem: TourProblem, limits: TourLimits, method: str, begun: tu
         else _first_tour(problem, costs, method)
     )
     if method == "chain1987":
-        return _bound_tour(problem, _tour_of_cities(problem, start, 0, method), costs, extra, limits)
+        return _bound_tour(
+            problem, _tour_of_cities(problem, start, 0, method), costs, extra, limits
+        )
     near = symmetric_tours.tour_candidates(
         costs, _visit_positions(problem) if circle else None, limits.interrupted
     )
@@ -168,9 +190,9 @@ def _plain_tour(problem: TourProblem, limits: TourLimits, method: str, begun: tu
     lower = (
         0
         if provable
-        else held_karp_bound.sparse_lower_bound(costs, near, quick.order, limits.interrupted, opened=opened)[
-            0
-        ]
+        else held_karp_bound.sparse_lower_bound(
+            costs, near, quick.order, limits.interrupted, opened=opened
+        )[0]
     )
     search_result = symmetric_tours.search_tour(costs, quick.order, limits, near)
     best_tour = _tour_of_cities(problem, search_result.order, search_result.work, method)
@@ -220,11 +242,16 @@ def _cost_matrix(costs: CityCosts) -> symmetric_tours.Matrix:
 
 
 def _visit_costs(problem: TourProblem, ends: Longs | None = None) -> CityCosts:
-    """The costs between visits, and to one more city if there are `ends`. A metric stays a metric."""
+    """The costs between visits, and to one more city if there are `ends`.
+
+    A metric stays a metric.
+    """
     if isinstance(problem.travel, Metric):
         kind, extra = problem.kinds
         groups = (kind, extra) if problem.changes else (kind[:0], extra[:1, :1])
-        return CityCosts(None, problem.travel, *groups, np.zeros(0, np.int64) if ends is None else ends)
+        return CityCosts(
+            None, problem.travel, *groups, np.zeros(0, np.int64) if ends is None else ends
+        )
     if ends is None:
         return of_matrix(problem.arcs)
     n = len(problem.visits)
@@ -274,7 +301,9 @@ def nearest_first_tour(cost: NDArray[np.integer]) -> symmetric_tours.Order:
 
 
 def _visit_positions(problem: TourProblem) -> Floats | None:
-    """The positions of the visits (n, 2), if all have two coordinates and there are no changes of tool."""
+    """The positions of the visits (n, 2), if all have two coordinates and there are no changes
+    of tool.
+    """
     if problem.changes:
         return None
     places = [visit.position for visit in problem.visits]
@@ -284,7 +313,9 @@ def _visit_positions(problem: TourProblem) -> Floats | None:
 
 
 def _unroll_tour(problem: TourProblem, tour: Ints) -> tuple[int, ...]:
-    """The order of the visits in a closed tour, from the right visit on and in the right direction."""
+    """The order of the visits in a closed tour, from the right visit on and in the right
+    direction.
+    """
     n, order = len(problem.visits), [int(city) for city in tour]
     if n in order:
         at = order.index(n)
@@ -314,7 +345,10 @@ def _lower_bound(
     limits: TourLimits,
     provable: bool,
 ) -> tuple[int, Floats]:
-    """A lower bound and its penalties (n,). Where clusters keep it far from the tour, it is raised for whole clusters first."""
+    """A lower bound and its penalties (n,).
+
+    Where clusters keep it far from the tour, it is raised for whole clusters first.
+    """
     upper, steps = costs.of_tour(tour), 2000 if provable else 0
     plain_bound = symmetric_tours.tour_lower_bound(matrix, upper, steps, limits.interrupted)
     if (
@@ -325,7 +359,9 @@ def _lower_bound(
     ):
         return plain_bound
     near = symmetric_tours.tour_candidates(costs, None, limits.interrupted)
-    _, penalties = held_karp_bound.sparse_lower_bound(costs, near, tour, limits.interrupted, opened=opened)
+    _, penalties = held_karp_bound.sparse_lower_bound(
+        costs, near, tour, limits.interrupted, opened=opened
+    )
     again = symmetric_tours.tour_lower_bound(matrix, upper, steps, limits.interrupted, penalties)
     return max(plain_bound, again, key=lambda bound_pair: bound_pair[0])
 
@@ -333,13 +369,18 @@ def _lower_bound(
 def _bound_tour(
     problem: TourProblem, best_tour: Tour, costs: CityCosts, extra: int, limits: TourLimits
 ) -> Tour:
-    """The tour with a lower bound by a matrix. If a proof seems possible, it is proved or replaced by a better tour."""
+    """The tour with a lower bound by a matrix.
+
+    If a proof seems possible, it is proved or replaced by a better tour.
+    """
     from cellwright.engine.stages.sequencing.kernels.bounds import excess
 
     upper, matrix = best_tour.cost - extra, _cost_matrix(costs)
     provable = len(problem.visits) <= MAX_PROOF_VISITS or best_tour.method == "exact"
     rolled = np.array(_roll_order(problem, best_tour.order, costs), np.int32)
-    lower, penalties = _lower_bound(costs, matrix, rolled, len(costs) > len(problem.visits), limits, provable)
+    lower, penalties = _lower_bound(
+        costs, matrix, rolled, len(costs) > len(problem.visits), limits, provable
+    )
     best_tour = replace(best_tour, lower_bound=max(0, min(lower + extra, best_tour.cost)))
     if (
         best_tour.proved

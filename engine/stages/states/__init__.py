@@ -1,1 +1,3 @@
-"""Task-space modelling: generates the contact states of a cell, and the net of places and transitions between them."""
+"""Task-space modelling: generates the contact states of a cell, and the net of places and
+transitions between them.
+"""

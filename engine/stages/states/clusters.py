@@ -1,7 +1,8 @@
 """Clusters of tokens as labelled graphs: joined, parted, in canonical form, and named.
 
-Colours are refined until they are stable (Weisfeiler & Leman 1968), which decides forests exactly. In graphs with cycles,
-and where no node is unlike all others, one node after another is told apart, and the smallest key counts.
+Colours are refined until they are stable (Weisfeiler & Leman 1968), which decides forests exactly.
+In graphs with cycles, and where no node is unlike all others, one node after another is told apart,
+and the smallest key counts.
 """
 
 from collections import Counter
@@ -21,7 +22,9 @@ Key = tuple[Any, ...]
 
 @dataclass(frozen=True, slots=True)
 class CanonicalForm:
-    """The key of a graph, the number of its automorphisms, and a number for each node: alike nodes have the same one."""
+    """The key of a graph, the number of its automorphisms, and a number for each node: alike
+    nodes have the same one.
+    """
 
     key: Key
     automorphisms: int
@@ -29,7 +32,8 @@ class CanonicalForm:
 
 
 def canonical_form(colours: Sequence[Label], near: Adjacency) -> CanonicalForm:
-    """The canonical form of a connected graph. `near` lists the labelled neighbours of each node; edges may be parallel.
+    """The canonical form of a connected graph. `near` lists the labelled neighbours of each node;
+    edges may be parallel.
 
     In graphs with cycles, every node has a number of its own in `orbits`.
     """
@@ -47,7 +51,9 @@ def _rank_signatures(signatures: list[Any]) -> list[int]:
 
 def _refine_ranks(ranks: list[int], near: Adjacency) -> list[int]:
     while True:
-        finer = _rank_signatures([(ranks[i], _signature_around(ranks, near[i])) for i in range(len(ranks))])
+        finer = _rank_signatures(
+            [(ranks[i], _signature_around(ranks, near[i])) for i in range(len(ranks))]
+        )
         if len(set(finer)) == len(set(ranks)):
             return finer
         ranks = finer
@@ -57,7 +63,9 @@ def _signature_around(ranks: Sequence[int], neighbours: Sequence[tuple[Label, in
     return tuple(sorted((label, ranks[j]) for label, j in neighbours))
 
 
-def _least_key(colours: Sequence[Label], ranks: list[int], near: Adjacency, forest: bool) -> tuple[Key, int]:
+def _least_key(
+    colours: Sequence[Label], ranks: list[int], near: Adjacency, forest: bool
+) -> tuple[Key, int]:
     """The least key, and the number of automorphisms, of a graph whose colours are stable."""
     sizes = Counter(ranks)
     if len(sizes) == len(ranks):
@@ -161,7 +169,9 @@ def form_of_cluster(cluster: TokenCluster, types: Types) -> tuple[Key, ClusterFo
         near[e.key].append(((0, e.key_slot, e.lock_slot, e.kind), e.lock))
         near[e.lock].append(((1, e.lock_slot, e.key_slot, e.kind), e.key))
     form = canonical_form([(kind,) for kind in cluster.nodes], near)
-    unused = prod(factorial(count) for node in free_slots(cluster, types) for count in node.values())
+    unused = prod(
+        factorial(count) for node in free_slots(cluster, types) for count in node.values()
+    )
     alike: dict[ContactEdge, int] = {}
     for edge in cluster.edges:
         alike[edge] = alike.get(edge, 0) + 1
@@ -179,7 +189,9 @@ def count_exchanges(types: Types) -> int:
 
 
 class NamedCluster:
-    """A cluster with names: the first tokens of each type, and the first anchor points of each slot."""
+    """A cluster with names: the first tokens of each type, and the first anchor points of each
+    slot.
+    """
 
     def __init__(self, cluster: TokenCluster, types: Types) -> None:
         self.cluster, self.types = cluster, types

@@ -28,7 +28,13 @@ from cellwright.engine.stages.states.net_places import (
     sort_places,
 )
 from cellwright.engine.stages.states.token_types import handled_objects_of_joints, permanent_bodies
-from cellwright.kb.model.contact_model import ANY, Octuple, Quadruple, Restriction, template_bindings
+from cellwright.kb.model.contact_model import (
+    ANY,
+    Octuple,
+    Quadruple,
+    Restriction,
+    template_bindings,
+)
 
 Group = tuple[bool, str, tuple[tuple[int, int], tuple[int, int]], tuple[int, ...], tuple[int, ...]]
 
@@ -36,12 +42,20 @@ Group = tuple[bool, str, tuple[tuple[int, int], tuple[int, int]], tuple[int, ...
 def net_transitions(
     space: FormSpace, sorted_forms: SortedForms, used: Iterable[ContactStep]
 ) -> tuple[Transition, ...]:
-    """The transitions of the steps that can be taken, named after their operators, in the order of their places."""
+    """The transitions of the steps that can be taken, named after their operators, in the order
+    of their places.
+    """
     groups: dict[Group, list[ContactStep]] = {}
     for step in sorted(used):
         groups.setdefault(_step_group(sorted_forms, step), []).append(step)
     ordered = sorted(
-        groups, key=lambda group_entry: (group_entry[3], group_entry[4], not group_entry[0], group_entry[1:3])
+        groups,
+        key=lambda group_entry: (
+            group_entry[3],
+            group_entry[4],
+            not group_entry[0],
+            group_entry[1:3],
+        ),
     )
     names = _transition_names(space, sorted_forms, {group: groups[group] for group in ordered})
     able: Able = {}
@@ -89,7 +103,8 @@ def _build_transition(
     whole = able[makes, kind, ends, joint] == set(sorted_forms.places[joint].forms)
     return Transition(
         name,
-        f"{contact_class.make if makes else contact_class.unmake} {' - '.join(_end_classes(space, ends))}",
+        f"{contact_class.make if makes else contact_class.unmake} "
+        f"{' - '.join(_end_classes(space, ends))}",
         contact_class.make if makes else contact_class.unmake,
         makes,
         contact_of(space, ends),
@@ -104,9 +119,15 @@ def _build_transition(
 
 
 def _transition_cases(
-    space: FormSpace, sorted_forms: SortedForms, group: Group, steps: Sequence[ContactStep], whole: bool
+    space: FormSpace,
+    sorted_forms: SortedForms,
+    group: Group,
+    steps: Sequence[ContactStep],
+    whole: bool,
 ) -> Iterator[tuple[Octuple, ...]]:
-    """What must hold in the cluster that has the contact: as little as its place says, if the `whole` place can do the step."""
+    """What must hold in the cluster that has the contact: as little as its place says, if the
+    `whole` place can do the step.
+    """
     _, kind, ends, _, _ = group
     able = sorted({_with_contact(step) for step in steps})
     for form in able[:1] if whole else able:
@@ -122,11 +143,15 @@ def _transition_cases(
                 kind,
                 ends,
             ):
-                yield normal_form(space, [changed, *(octuple for octuple, _ in shown if octuple != changed)])
+                yield normal_form(
+                    space, [changed, *(octuple for octuple, _ in shown if octuple != changed)]
+                )
 
 
 def contact_of(space: FormSpace, ends: tuple[tuple[int, int], tuple[int, int]]) -> Octuple:
-    """The template of the contacts of two slots: a joker for the object, and for the anchor point if there are several."""
+    """The template of the contacts of two slots: a joker for the object, and for the anchor
+    point if there are several.
+    """
     points = []
     for kind, slot in ends:
         token, at = space.types[kind], space.types[kind].slots[slot]
@@ -143,12 +168,18 @@ def _end_classes(space: FormSpace, ends: tuple[tuple[int, int], tuple[int, int]]
 def _step_transfers(
     space: FormSpace, sorted_forms: SortedForms, steps: Sequence[ContactStep]
 ) -> Iterator[Transfer]:
-    """What moves from where to where. If several steps move different numbers, the least and the most of them."""
+    """What moves from where to where.
+
+    If several steps move different numbers, the least and the most of them.
+    """
     rows: dict[tuple[int, int, int], list[int]] = {}
     for step in steps:
         sums: Counter[tuple[int, int, int]] = Counter()
         for source, target, kind, count in step.moved:
-            ends = sorted_forms.place_of[step.inputs[source]], sorted_forms.place_of[step.outputs[target]]
+            ends = (
+                sorted_forms.place_of[step.inputs[source]],
+                sorted_forms.place_of[step.outputs[target]],
+            )
             sums[*ends, kind] += count
         for row, count in sums.items():
             rows.setdefault(row, []).append(count)
@@ -156,7 +187,11 @@ def _step_transfers(
         least = min(counts) if len(counts) == len(steps) else 0
         name = space.types[kind].name
         yield Transfer(
-            sorted_forms.places[source].name, sorted_forms.places[target].name, name, least, max(counts)
+            sorted_forms.places[source].name,
+            sorted_forms.places[target].name,
+            name,
+            least,
+            max(counts),
         )
 
 
@@ -182,7 +217,8 @@ def _runtime_restrictions(
             if any(
                 restriction.during is None
                 or any(
-                    next(template_bindings(model, restriction.during, contact, bound), None) is not None
+                    next(template_bindings(model, restriction.during, contact, bound), None)
+                    is not None
                     for contact in named.contacts.values()
                 )
                 for bound in hits
@@ -198,10 +234,13 @@ def _edge_sides(nodes: Sequence[int], edge: ContactEdge) -> tuple[tuple[int, int
 def _transition_names(
     space: FormSpace, sorted_forms: SortedForms, groups: Mapping[Group, Sequence[ContactStep]]
 ) -> dict[Group, str]:
-    """A name for each transition: its operator, what it handles, and where; numbers tell the rest apart."""
+    """A name for each transition: its operator, what it handles, and where; numbers tell the
+    rest apart.
+    """
     names: dict[Group, str] = {}
     base_names = {
-        group: _operator_name(space, sorted_forms, group, steps[0]) for group, steps in groups.items()
+        group: _operator_name(space, sorted_forms, group, steps[0])
+        for group, steps in groups.items()
     }
     count = Counter(base_names.values())
     seen: Counter[str] = Counter()
@@ -211,7 +250,9 @@ def _transition_names(
     return names
 
 
-def _operator_name(space: FormSpace, sorted_forms: SortedForms, group: Group, step: ContactStep) -> str:
+def _operator_name(
+    space: FormSpace, sorted_forms: SortedForms, group: Group, step: ContactStep
+) -> str:
     makes, kind, ends, _, _ = group
     contact_class = space.model.contact_classes[kind]
     verb = contact_class.make if makes else contact_class.unmake
@@ -224,7 +265,10 @@ def _operator_name(space: FormSpace, sorted_forms: SortedForms, group: Group, st
 
 
 def _contact_names(
-    space: FormSpace, outline: ClusterOutline, kind: str, ends: tuple[tuple[int, int], tuple[int, int]]
+    space: FormSpace,
+    outline: ClusterOutline,
+    kind: str,
+    ends: tuple[tuple[int, int], tuple[int, int]],
 ) -> Iterator[str]:
     """What the handled object is in contact with beside the robot."""
     cluster = outline.cluster
@@ -245,7 +289,10 @@ def _contact_names(
 
 
 def net_of(space: FormSpace, full: bool = False, most: int = MAX_GLOBAL_STATES) -> ContactNet:
-    """The net of a space. With `full`, every form is a place. Global states are searched up to `most` of them."""
+    """The net of a space. With `full`, every form is a place.
+
+    Global states are searched up to `most` of them.
+    """
     graph = reachable_states(space, most)
     sorted_forms = sort_places(space, graph, full)
     steps = (
@@ -273,14 +320,21 @@ def net_of(space: FormSpace, full: bool = False, most: int = MAX_GLOBAL_STATES) 
     )
 
 
-def _handling_places(space: FormSpace, sorted_forms: SortedForms, objects: tuple[str, ...]) -> Iterator[str]:
-    """The places in which a robot holds one of these objects; all of them if a controller does without."""
+def _handling_places(
+    space: FormSpace, sorted_forms: SortedForms, objects: tuple[str, ...]
+) -> Iterator[str]:
+    """The places in which a robot holds one of these objects; all of them if a controller does
+    without.
+    """
     driven = permanent_bodies(space.model).driven
     for place in sorted_forms.places:
         named = NamedCluster(space.forms[place.forms[0]].cluster, space.types)
-        pairs = [{contact.first.instance, contact.second.instance} for contact in named.contacts.values()]
+        pairs = [
+            {contact.first.instance, contact.second.instance} for contact in named.contacts.values()
+        ]
         kinds = {space.model.objects[name] for name in objects}
         if not objects or any(
-            pair & driven and kinds & {space.model.objects[name] for name in pair - driven} for pair in pairs
+            pair & driven and kinds & {space.model.objects[name] for name in pair - driven}
+            for pair in pairs
         ):
             yield place.name

@@ -3,11 +3,19 @@
 from collections.abc import Iterator, Sequence
 
 from cellwright.engine.stages.states.token_types import permanent_bodies
-from cellwright.kb.model.contact_model import Bindings, ContactModel, Octuple, class_of, template_bindings
+from cellwright.kb.model.contact_model import (
+    Bindings,
+    ContactModel,
+    Octuple,
+    class_of,
+    template_bindings,
+)
 
 
 class Stability:
-    """Nothing falls: every object is held, through contacts that support, by the ground, a joint or a robot."""
+    """Nothing falls: every object is held, through contacts that support, by the ground, a
+    joint or a robot.
+    """
 
     def __init__(self, model: ContactModel) -> None:
         self.model = model
@@ -19,7 +27,12 @@ class Stability:
         """No anchor point is looked at for itself."""
         return frozenset()
 
-    def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:  # noqa: ARG002 - the port has it
+    def reason(
+        self,
+        objects: Sequence[str],
+        contacts: Sequence[Octuple],
+        change: Octuple | None,  # noqa: ARG002
+    ) -> str:
         """Which object falls; empty if none does. In free space (`gravity: false`) none does."""
         if not self.model.gravity:
             return ""
@@ -50,13 +63,23 @@ class Templates:
         self.model = model
 
     def individuals(self) -> frozenset[tuple[str, str]]:
-        """The templates themselves say which anchor points are individuals; the token types know them."""
+        """The templates themselves say which anchor points are individuals; the token types
+        know them.
+        """
         return frozenset()
 
-    def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:  # noqa: ARG002 - the port has it
+    def reason(
+        self,
+        objects: Sequence[str],  # noqa: ARG002
+        contacts: Sequence[Octuple],
+        change: Octuple | None,  # noqa: ARG002
+    ) -> str:
         """The first template that matches; empty if none does."""
         for template in self.model.undesirable:
-            if next(_match_templates(self.model, template.contacts, contacts, {}), None) is not None:
+            if (
+                next(_match_templates(self.model, template.contacts, contacts, {}), None)
+                is not None
+            ):
                 return f"{template.name}: {template.say}" if template.say else template.name
         return ""
 

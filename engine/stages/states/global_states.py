@@ -1,8 +1,9 @@
 """Global contact states of a cell: how many there are, and the regions one-way steps part.
 
-A global state is a set of clusters in which every token stands once. Global states are searched up to exchanges of alike
-tokens and alike anchor points, and each of them stands for all its exchanges: their number is that of all exchanges divided
-by those that leave the state as it is. The start may be exchanged, too.
+A global state is a set of clusters in which every token stands once. Global states are searched up
+to exchanges of alike tokens and alike anchor points, and each of them stands for all its exchanges:
+their number is that of all exchanges divided by those that leave the state as it is. The start may
+be exchanged, too.
 """
 
 from collections import Counter
@@ -12,7 +13,13 @@ from math import factorial, perm, prod
 
 import networkx as nx
 
-from cellwright.engine.model.task_space import ClusterForm, ContactStep, FormSpace, StateGrowth, StateRegion
+from cellwright.engine.model.task_space import (
+    ClusterForm,
+    ContactStep,
+    FormSpace,
+    StateGrowth,
+    StateRegion,
+)
 from cellwright.engine.stages.states.clusters import count_exchanges, counts_of
 from cellwright.kb.model.contact_model import OneWay
 
@@ -22,7 +29,8 @@ Graph = dict[Marking, tuple[tuple[ContactStep, Marking], ...]]
 
 
 def reachable_states(space: FormSpace, most: int = MAX_GLOBAL_STATES) -> Graph | None:
-    """Every global state up to exchanges with the steps from it, in the order of a breadth-first search.
+    """Every global state up to exchanges with the steps from it, in the order of a breadth-first
+    search.
 
     None if there are more than `most`.
     """
@@ -60,7 +68,8 @@ def successor_states(space: FormSpace, marking: Marking) -> Iterator[tuple[Conta
 def count_exchanged_states(space: FormSpace, marking: Marking) -> int:
     """The number of fully specified global states that one state up to exchanges stands for."""
     same: int = prod(
-        space.forms[form].symmetries ** count * factorial(count) for form, count in Counter(marking).items()
+        space.forms[form].symmetries ** count * factorial(count)
+        for form, count in Counter(marking).items()
     )
     return count_exchanges(space.types) // same
 
@@ -78,12 +87,15 @@ def count_individuals(space: FormSpace, form: ClusterForm) -> int:
 def state_growth(space: FormSpace, graph: Graph | None) -> StateGrowth:
     """The count of global states: exact if all were reached, else an upper bound."""
     if graph is not None and space.complete:
-        return StateGrowth(sum(count_exchanged_states(space, marking) for marking in graph), True, len(graph))
+        return StateGrowth(
+            sum(count_exchanged_states(space, marking) for marking in graph), True, len(graph)
+        )
     return StateGrowth(bound_states(space), False, None)
 
 
 def bound_states(space: FormSpace) -> int:
-    """An upper bound on the number of global states: all sets of known forms in which every token stands once.
+    """An upper bound on the number of global states: all sets of known forms in which every token
+    stands once.
 
     If not all forms are known: every way to fill the anchor points.
     """
@@ -93,7 +105,9 @@ def bound_states(space: FormSpace) -> int:
     ways = {whole: Fraction(1)}
     for form in space.forms:
         used = counts_of(form.cluster.nodes)
-        ways = _add_clusters(ways, [used.get(kind, 0) for kind in range(len(whole))], form.symmetries)
+        ways = _add_clusters(
+            ways, [used.get(kind, 0) for kind in range(len(whole))], form.symmetries
+        )
     total = ways.get(tuple(0 for _ in whole), Fraction(0)) * count_exchanges(space.types)
     return int(total)
 
@@ -107,7 +121,9 @@ def _add_clusters(
         count, rest = 1, unused
         while all(have >= need for have, need in zip(rest, tokens, strict=True)):
             rest = tuple(have - need for have, need in zip(rest, tokens, strict=True))
-            extended[rest] = extended.get(rest, Fraction(0)) + weight / (symmetries**count * factorial(count))
+            extended[rest] = extended.get(rest, Fraction(0)) + weight / (
+                symmetries**count * factorial(count)
+            )
             count += 1
     return extended
 
@@ -123,17 +139,25 @@ def _count_key_placements(space: FormSpace) -> int:
 
 
 def state_regions(space: FormSpace, graph: Graph) -> tuple[StateRegion, ...]:
-    """The strongly connected parts of the graph of global states, in the order in which they are reached."""
+    """The strongly connected parts of the graph of global states, in the order in which they
+    are reached.
+    """
     states: nx.DiGraph[Marking] = nx.DiGraph()
     states.add_nodes_from(graph)
-    states.add_edges_from((state, following) for state, steps in graph.items() for _, following in steps)
+    states.add_edges_from(
+        (state, following) for state, steps in graph.items() for _, following in steps
+    )
     whole = nx.condensation(states)
     at = {marking: n for n, marking in enumerate(graph)}
-    order = sorted(whole.nodes, key=lambda part: min(at[state] for state in whole.nodes[part]["members"]))
+    order = sorted(
+        whole.nodes, key=lambda part: min(at[state] for state in whole.nodes[part]["members"])
+    )
     return tuple(_region_of_part(space, whole, part, graph) for part in order)
 
 
-def _region_of_part(space: FormSpace, whole: "nx.DiGraph[int]", part: int, graph: Graph) -> StateRegion:
+def _region_of_part(
+    space: FormSpace, whole: "nx.DiGraph[int]", part: int, graph: Graph
+) -> StateRegion:
     members: set[Marking] = whole.nodes[part]["members"]
     first = min(members)
     count = sum(count_exchanged_states(space, state) for state in members)
@@ -142,7 +166,9 @@ def _region_of_part(space: FormSpace, whole: "nx.DiGraph[int]", part: int, graph
 
 
 def _one_way(space: FormSpace, marking: Marking) -> Iterator[str]:
-    """The one-way contacts that hold for good, and those of the start that are broken once and for all."""
+    """The one-way contacts that hold for good, and those of the start that are broken once and
+    for all.
+    """
     now, start = (Counter(_named_contacts(space, state)) for state in (marking, space.initial))
     for name, kind in now.elements():
         if space.model.contact_classes[kind].one_way is OneWay.MAKING:

@@ -1,19 +1,37 @@
 """Places of the net: clusters with the same outline, with template, description and capacity.
 
-By default these contacts matter: in a cluster with a robot, those of the robot, of the object in its hand, and of everything
-that moves along; in other clusters all. Where an object has several anchor points of a class, nobody counts which of them
-are taken: their number is a capacity. `relevance` in the contact model says what is different in a cell.
+By default these contacts matter: in a cluster with a robot, those of the robot, of the object in
+its hand, and of everything that moves along; in other clusters all. Where an object has several
+anchor points of a class, nobody counts which of them are taken: their number is a capacity.
+`relevance` in the contact model says what is different in a cell.
 """
 
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from cellwright.engine.model.task_space import AnchorSlot, ContactEdge, FormSpace, NetPlace, TokenCluster
-from cellwright.engine.stages.states.clusters import NamedCluster, cluster_neighbours, counts_of, free_slots
+from cellwright.engine.model.task_space import (
+    AnchorSlot,
+    ContactEdge,
+    FormSpace,
+    NetPlace,
+    TokenCluster,
+)
+from cellwright.engine.stages.states.clusters import (
+    NamedCluster,
+    cluster_neighbours,
+    counts_of,
+    free_slots,
+)
 from cellwright.engine.stages.states.global_states import Graph
 from cellwright.engine.stages.states.state_generation import ContactRules
-from cellwright.kb.model.contact_model import Octuple, Quadruple, number_objects, template_bindings, void_of
+from cellwright.kb.model.contact_model import (
+    Octuple,
+    Quadruple,
+    number_objects,
+    template_bindings,
+    void_of,
+)
 
 Mark = tuple[object, ...]
 Near = Sequence[Sequence[tuple[ContactEdge, int]]]
@@ -24,8 +42,8 @@ Positions = Sequence[frozenset[int]]  # for each node
 class ClusterOutline:
     """`order` lists the nodes that matter, from the root. `core` is what distinguishes the place.
 
-    `margin` says of the other single anchor points of these nodes what is there. `counted` are the contacts that only
-    count, and `hanging` the nodes beyond them.
+    `margin` says of the other single anchor points of these nodes what is there. `counted` are the
+    contacts that only count, and `hanging` the nodes beyond them.
     """
 
     cluster: TokenCluster
@@ -39,7 +57,10 @@ class ClusterOutline:
     @property
     def key(self) -> Mark:
         """Equal for clusters of one place."""
-        return (tuple(self.cluster.nodes[node] for node in self.order), tuple(sorted(self.core, key=str)))
+        return (
+            tuple(self.cluster.nodes[node] for node in self.order),
+            tuple(sorted(self.core, key=str)),
+        )
 
 
 class Outliner:
@@ -61,12 +82,16 @@ class Outliner:
                     cluster, named, (node, slot), at, neighbours_there
                 ):
                     core += [] if neighbours_there else [(order.index(node), slot, "void")]
-                    order += [neighbour for _, neighbour in neighbours_there if neighbour not in order]
+                    order += [
+                        neighbour for _, neighbour in neighbours_there if neighbour not in order
+                    ]
                     edges |= dict.fromkeys(edge for edge, _ in neighbours_there)
         core += [self._mark(edge, order) for edge in edges]
         margin = dict(self._margin(cluster, order, edges, whole, near))
         counted, hanging = self._beside(cluster, order, edges, near)
-        return ClusterOutline(cluster, tuple(order), tuple(core), tuple(edges), margin, counted, hanging)
+        return ClusterOutline(
+            cluster, tuple(order), tuple(core), tuple(edges), margin, counted, hanging
+        )
 
     def _slots(
         self, cluster: TokenCluster, node: int, near: Near
@@ -76,7 +101,11 @@ class Outliner:
             yield (
                 slot,
                 at,
-                [(edge, neighbour) for edge, neighbour in near[node] if (node, slot) in _edge_ends(edge)],
+                [
+                    (edge, neighbour)
+                    for edge, neighbour in near[node]
+                    if (node, slot) in _edge_ends(edge)
+                ],
             )
 
     def _matters(
@@ -87,10 +116,14 @@ class Outliner:
         at: AnchorSlot,
         neighbours_there: Sequence[tuple[ContactEdge, int]],
     ) -> bool:
-        """Whether the contacts of a slot are distinguished: as the model says, else where there is one anchor point."""
+        """Whether the contacts of a slot are distinguished: as the model says, else where there
+        is one anchor point.
+        """
         if self.full:
             return True
-        verdict = self._verdict(cluster, named, *end, neighbours_there) if named is not None else None
+        verdict = (
+            self._verdict(cluster, named, *end, neighbours_there) if named is not None else None
+        )
         return not at.several if verdict is None else verdict
 
     def _margin(
@@ -104,22 +137,35 @@ class Outliner:
         """What is at the other single anchor points of the nodes that matter."""
         for number, node in enumerate(order):
             for slot, at, neighbours_there in self._slots(cluster, node, near):
-                matters = at.position in whole[node] or any(edge in edges for edge, _ in neighbours_there)
+                matters = at.position in whole[node] or any(
+                    edge in edges for edge, _ in neighbours_there
+                )
                 if not matters and not at.several:
                     yield (
                         (number, slot),
-                        tuple((cluster.nodes[neighbour], edge.kind) for edge, neighbour in neighbours_there),
+                        tuple(
+                            (cluster.nodes[neighbour], edge.kind)
+                            for edge, neighbour in neighbours_there
+                        ),
                     )
 
     def _beside(
-        self, cluster: TokenCluster, order: Sequence[int], edges: Collection[ContactEdge], near: Near
+        self,
+        cluster: TokenCluster,
+        order: Sequence[int],
+        edges: Collection[ContactEdge],
+        near: Near,
     ) -> tuple[tuple[ContactEdge, ...], frozenset[int]]:
-        """The contacts at anchor points of which there are several, what hangs on them, and so on."""
+        """The contacts at anchor points of which there are several, what hangs on them, and so
+        on.
+        """
         beside, hanging = dict[ContactEdge, None](), dict[int, None]()
         for node in order:
             for _, at, neighbours_there in self._slots(cluster, node, near):
                 if at.several:
-                    beside |= dict.fromkeys(edge for edge, _ in neighbours_there if edge not in edges)
+                    beside |= dict.fromkeys(
+                        edge for edge, _ in neighbours_there if edge not in edges
+                    )
                     hanging |= dict.fromkeys(
                         neighbour for _, neighbour in neighbours_there if neighbour not in order
                     )
@@ -132,7 +178,13 @@ class Outliner:
         return tuple(beside), frozenset(hanging)
 
     def _mark(self, edge: ContactEdge, order: list[int]) -> Mark:
-        return (order.index(edge.key), edge.key_slot, order.index(edge.lock), edge.lock_slot, edge.kind)
+        return (
+            order.index(edge.key),
+            edge.key_slot,
+            order.index(edge.lock),
+            edge.lock_slot,
+            edge.kind,
+        )
 
     def _roots(self, cluster: TokenCluster) -> list[int]:
         """The robots; without any, the one node that stands firmest."""
@@ -167,7 +219,9 @@ class Outliner:
         slot: int,
         neighbours_there: Sequence[tuple[ContactEdge, int]],
     ) -> bool | None:
-        """What `relevance` says of a slot: whether its contacts matter; None if it says nothing. The last entry decides."""
+        """What `relevance` says of a slot: whether its contacts matter; None if it says
+        nothing. The last entry decides.
+        """
         shown = [named.contacts[cluster.edges.index(e)] for e, _ in neighbours_there]
         shown = shown or self._possible(named.point(node, slot), cluster.nodes[node], slot)
         verdict = None
@@ -189,7 +243,9 @@ class Outliner:
                 )
                 if self.rules.kind(*ends) is not None:
                     name = token.members[0][at.position]
-                    partner = Quadruple(token.classes[at.position], name, at.anchor_class, at.anchors[0])
+                    partner = Quadruple(
+                        token.classes[at.position], name, at.anchor_class, at.anchors[0]
+                    )
                     possible.append(Octuple(point, partner))
         return possible
 
@@ -222,7 +278,9 @@ Shown = tuple[Octuple, ContactEdge | None]
 def needed_contacts(
     outline: ClusterOutline, space: FormSpace, uniform: frozenset[tuple[int, int]]
 ) -> Iterator[Shown]:
-    """The contacts, with their edges, and the free anchor points that matter; of the margin only what is `uniform`."""
+    """The contacts, with their edges, and the free anchor points that matter; of the margin
+    only what is `uniform`.
+    """
     named = NamedCluster(outline.cluster, space.types)
     edges = dict.fromkeys((*outline.edges, *_margin_edges(outline, uniform)))
     yield from ((named.contacts[outline.cluster.edges.index(edge)], edge) for edge in edges)
@@ -239,7 +297,10 @@ def counted_contacts(outline: ClusterOutline, space: FormSpace) -> Iterator[Octu
     places = [n for n, edge in enumerate(outline.cluster.edges) if edge in outline.counted]
     yield from (named.contacts[n] for n in places)
     for void, node, slot in _free_points(outline, space, named):
-        if node in outline.hanging and not space.types[outline.cluster.nodes[node]].slots[slot].several:
+        if (
+            node in outline.hanging
+            and not space.types[outline.cluster.nodes[node]].slots[slot].several
+        ):
             yield void
 
 
@@ -252,10 +313,16 @@ def _free_points(
         for slot, count in slots.items():
             at = space.types[outline.cluster.nodes[node]].slots[slot]
             for number in range(len(at.anchors) - count, len(at.anchors)):
-                yield Octuple(named.point(node, slot, number), void_of(partner[at.anchor_class])), node, slot
+                yield (
+                    Octuple(named.point(node, slot, number), void_of(partner[at.anchor_class])),
+                    node,
+                    slot,
+                )
 
 
-def _margin_edges(outline: ClusterOutline, uniform: frozenset[tuple[int, int]]) -> Iterator[ContactEdge]:
+def _margin_edges(
+    outline: ClusterOutline, uniform: frozenset[tuple[int, int]]
+) -> Iterator[ContactEdge]:
     for number, slot in sorted(uniform):
         node = outline.order[number]
         yield from (
@@ -267,7 +334,9 @@ def _margin_edges(outline: ClusterOutline, uniform: frozenset[tuple[int, int]]) 
 
 @dataclass(frozen=True)
 class SortedForms:
-    """The forms sorted into places: `place_of` gives the number of a form's place, `outlines` the outline of each form."""
+    """The forms sorted into places: `place_of` gives the number of a form's place, `outlines`
+    the outline of each form.
+    """
 
     places: tuple[NetPlace, ...]
     place_of: Mapping[int, int]
@@ -276,7 +345,10 @@ class SortedForms:
 
 
 def sort_places(space: FormSpace, graph: Graph | None, full: bool = False) -> SortedForms:
-    """All places with a form that can be reached. They are numbered in the order in which they are reached."""
+    """All places with a form that can be reached.
+
+    They are numbered in the order in which they are reached.
+    """
     outliner = Outliner(space, full)
     order = list(_reached_forms(space, graph))
     outlines = {form: outliner.outline(space.forms[form].cluster) for form in order}
@@ -303,7 +375,16 @@ def sort_places(space: FormSpace, graph: Graph | None, full: bool = False) -> So
         tokens = tuple((space.types[kind].name, n) for kind, n in sorted(form_counts.items()) if n)
         description = describe_place(space, largest)
         built_places.append(
-            NetPlace(f"P{number + 1}", description, contacts, capacity, robot, tuple(forms), initial, tokens)
+            NetPlace(
+                f"P{number + 1}",
+                description,
+                contacts,
+                capacity,
+                robot,
+                tuple(forms),
+                initial,
+                tokens,
+            )
         )
         uniform.append(same)
         place_of |= {form: number for form in forms}
@@ -312,7 +393,9 @@ def sort_places(space: FormSpace, graph: Graph | None, full: bool = False) -> So
 
 def _reached_forms(space: FormSpace, graph: Graph | None) -> Iterator[int]:
     """The forms in the order in which they appear: at the start those without contacts first."""
-    first = sorted(set(space.initial), key=lambda form: (len(space.forms[form].cluster.edges) > 0, form))
+    first = sorted(
+        set(space.initial), key=lambda form: (len(space.forms[form].cluster.edges) > 0, form)
+    )
     seen = dict.fromkeys(first)
     if graph is None:
         seen |= dict.fromkeys(range(len(space.forms)))
@@ -345,14 +428,19 @@ def _uniform_points(outlines: Sequence[ClusterOutline]) -> frozenset[tuple[int, 
     """The anchor points beside the core at which the same holds in all clusters of a place."""
     first, *further = outlines
     return frozenset(
-        at for at, mark in first.margin.items() if all(outline.margin.get(at) == mark for outline in further)
+        at
+        for at, mark in first.margin.items()
+        if all(outline.margin.get(at) == mark for outline in further)
     )
 
 
-def normal_form(space: FormSpace, contacts: Sequence[Octuple], full: bool = False) -> tuple[Octuple, ...]:
+def normal_form(
+    space: FormSpace, contacts: Sequence[Octuple], full: bool = False
+) -> tuple[Octuple, ...]:
     """Contacts in the normal form, contacts before free anchor points.
 
-    Objects are variables and, where there are several, so are anchor points; with `full`, everything has its name.
+    Objects are variables and, where there are several, so are anchor points; with `full`,
+    everything has its name.
     """
     ordered = sorted(contacts, key=lambda octuple: octuple.second.void)
     if full:
@@ -372,7 +460,9 @@ def normal_form(space: FormSpace, contacts: Sequence[Octuple], full: bool = Fals
         name = names.setdefault((point.instance, point.anchor), f"A{len(names) + 1}")
         return Quadruple(point.object_class, point.instance, point.anchor_class, name)
 
-    return number_objects([Octuple(renamed(octuple.first), renamed(octuple.second)) for octuple in ordered])
+    return number_objects(
+        [Octuple(renamed(octuple.first), renamed(octuple.second)) for octuple in ordered]
+    )
 
 
 def describe_place(space: FormSpace, outline: ClusterOutline) -> str:
@@ -390,11 +480,14 @@ def describe_place(space: FormSpace, outline: ClusterOutline) -> str:
     words = []
     for edge in outline.edges:
         if root in (edge.key, edge.lock):
-            object_node, slot = (edge.lock, edge.lock_slot) if edge.key == root else (edge.key, edge.key_slot)
+            object_node, slot = (
+                (edge.lock, edge.lock_slot) if edge.key == root else (edge.key, edge.key_slot)
+            )
             remaining_edges = [e for e in outline.edges if e is not edge]
             on = _partners_in_words(space, cluster, object_node, remaining_edges)
             words.append(
-                types[cluster.nodes[object_node]].slot_name(slot) + (f" in {', '.join(on)}" if on else "")
+                types[cluster.nodes[object_node]].slot_name(slot)
+                + (f" in {', '.join(on)}" if on else "")
             )
     return f"{name} holds {' and '.join(words)}"
 
@@ -406,7 +499,9 @@ def _partners_in_words(
     partners: dict[tuple[int, str], list[str]] = {}
     for edge in edges:
         if node in (edge.key, edge.lock):
-            partner, slot = (edge.lock, edge.lock_slot) if edge.key == node else (edge.key, edge.key_slot)
+            partner, slot = (
+                (edge.lock, edge.lock_slot) if edge.key == node else (edge.key, edge.key_slot)
+            )
             name = space.types[cluster.nodes[partner]].slot_name(slot)
             partners.setdefault((partner, name), []).append(edge.kind)
     return [f"{name} ({', '.join(kinds)})" for (_, name), kinds in partners.items()]

@@ -1,7 +1,8 @@
 """Plays the net: markings, transitions that can fire, shortest sequences, and bindings of places.
 
-A situation is a set of contacts with all names, and the settings of the joints. A transition fires for one contact: the
-clusters that it changes leave their places whole, and what becomes of them goes to the places after (Matthiesen, section 4).
+A situation is a set of contacts with all names, and the settings of the joints. A transition fires
+for one contact: the clusters that it changes leave their places whole, and what becomes of them
+goes to the places after (Matthiesen, section 4).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -87,12 +88,17 @@ class NetPlayer:
 
     @cached_property
     def _known(self) -> dict[object, int]:
-        return {form_of_cluster(form.cluster, self.types)[0]: n for n, form in enumerate(self.space.forms)}
+        return {
+            form_of_cluster(form.cluster, self.types)[0]: n
+            for n, form in enumerate(self.space.forms)
+        }
 
     @cached_property
     def _transitions(self) -> dict[tuple[object, ...], Transition]:
         return {
-            _step_key(step): transition for transition in self.net.transitions for step in transition.steps
+            _step_key(step): transition
+            for transition in self.net.transitions
+            for step in transition.steps
         }
 
     def end(self, point: Quadruple) -> tuple[tuple[int, int], int]:
@@ -100,15 +106,21 @@ class NetPlayer:
         kind, number, position = self.token[point.instance]
         slots = enumerate(self.types[kind].slots)
         slot = next(
-            n for n, numbered in slots if numbered.position == position and point.anchor in numbered.anchors
+            n
+            for n, numbered in slots
+            if numbered.position == position and point.anchor in numbered.anchors
         )
         return (kind, number), slot
 
-    def clusters(self, contacts: frozenset[Octuple]) -> dict[tuple[int, int], tuple[tuple[int, int], ...]]:
+    def clusters(
+        self, contacts: frozenset[Octuple]
+    ) -> dict[tuple[int, int], tuple[tuple[int, int], ...]]:
         """The cluster of each token, as all its tokens."""
         graph: nx.Graph[tuple[int, int]] = nx.Graph()
         graph.add_nodes_from(
-            (k, n) for k, token_type in enumerate(self.types) for n in range(len(token_type.members))
+            (k, n)
+            for k, token_type in enumerate(self.types)
+            for n in range(len(token_type.members))
         )
         graph.add_edges_from((self.end(c.first)[0], self.end(c.second)[0]) for c in contacts)
         clusters: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {}
@@ -125,12 +137,16 @@ class NetPlayer:
             (key, key_slot), (lock, lock_slot) = self.end(contact.first), self.end(contact.second)
             if key in at and lock in at:
                 kind = self.rules.kind(key[0], key_slot, lock[0], lock_slot)
-                edges.append(ContactEdge(at[key], key_slot, at[lock], lock_slot, kind.name if kind else ""))
+                edges.append(
+                    ContactEdge(at[key], key_slot, at[lock], lock_slot, kind.name if kind else "")
+                )
         cluster = TokenCluster(tuple(kind for kind, _ in tokens), tuple(sorted(edges)))
         return self._known.get(form_of_cluster(cluster, self.types)[0])
 
     def marking(self, situation: NetSituation) -> Mapping[str, tuple[tuple[str, ...], ...]]:
-        """Who is in which place: for each place, the objects of each cluster in it, the robot first."""
+        """Who is in which place: for each place, the objects of each cluster in it, the robot
+        first.
+        """
         marking: dict[str, list[tuple[str, ...]]] = {}
         for tokens in dict.fromkeys(self.clusters(situation.contacts).values()):
             form = self.form(tokens, situation.contacts)
@@ -141,11 +157,15 @@ class NetPlayer:
         return {name: tuple(marking[name]) for name in order if name in marking}
 
     def firings(self, situation: NetSituation) -> Iterator[Firing]:
-        """Everything that can be done in a situation: transitions in the order of their contacts, then joints."""
+        """Everything that can be done in a situation: transitions in the order of their
+        contacts, then joints.
+        """
         clusters = self.clusters(situation.contacts)
         for contact in sorted(situation.contacts):
             yield from self._firing(situation, clusters, contact, False)
-        taken = {point for contact in situation.contacts for point in (contact.first, contact.second)}
+        taken = {
+            point for contact in situation.contacts for point in (contact.first, contact.second)
+        }
         free = [point for point in self._points if point not in taken]
         for key in free:
             for lock in free:
@@ -187,12 +207,17 @@ class NetPlayer:
         kind = self.rules.kind(key[0], key_slot, lock[0], lock_slot)
         assert kind is not None, "only contacts of a contact class are asked about"
         ends = (key[0], key_slot), (lock[0], lock_slot)
-        transition = self._transitions.get((tuple(sides[0]), tuple(sides[1]), makes, kind.name, ends))
+        transition = self._transitions.get(
+            (tuple(sides[0]), tuple(sides[1]), makes, kind.name, ends)
+        )
         if transition is not None and self._allowed(situation, transition):
             yield Firing(transition.name, contact)
 
     def _allowed(self, situation: NetSituation, transition: Transition) -> bool:
-        """Whether the joints are where the transition needs them. Sensors and clocks are looked at when a plan runs."""
+        """Whether the joints are where the transition needs them.
+
+        Sensors and clocks are looked at when a plan runs.
+        """
         settings = dict(situation.settings)
         return all(
             settings.get(restriction.subject, restriction.value) == restriction.value
@@ -202,11 +227,19 @@ class NetPlayer:
 
     def _joints(self, situation: NetSituation) -> Iterator[Firing]:
         driven = {
-            name for kind in self.types for m in kind.members for n, name in enumerate(m) if n in kind.driven
+            name
+            for kind in self.types
+            for m in kind.members
+            for n, name in enumerate(m)
+            if n in kind.driven
         }
-        contact_pairs = [{contact.first.instance, contact.second.instance} for contact in situation.contacts]
+        contact_pairs = [
+            {contact.first.instance, contact.second.instance} for contact in situation.contacts
+        ]
         for joint, handles in handled_objects_of_joints(self.space.model).items():
-            able = not handles or any(pair & driven and pair & set(handles) for pair in contact_pairs)
+            able = not handles or any(
+                pair & driven and pair & set(handles) for pair in contact_pairs
+            )
             for setting in self.space.model.permanent[joint].settings if able else ():
                 if (joint, setting) not in situation.settings:
                     yield Firing(f"{joint} to {setting}", None, joint, setting)
@@ -223,7 +256,8 @@ class NetPlayer:
         if firing.contact is not None:
             return replace(situation, contacts=situation.contacts ^ {firing.contact})
         settings = tuple(
-            (name, firing.setting if name == firing.joint else value) for name, value in situation.settings
+            (name, firing.setting if name == firing.joint else value)
+            for name, value in situation.settings
         )
         return replace(situation, settings=settings)
 
@@ -237,7 +271,9 @@ MAX_SITUATIONS = 20_000
 
 @dataclass(frozen=True, slots=True)
 class OperatorSequence:
-    """What is to be done in turn; None if nothing leads there. `exhausted`: everything that can be reached was looked at."""
+    """What is to be done in turn; None if nothing leads there. `exhausted`: everything that can
+    be reached was looked at.
+    """
 
     firings: tuple[Firing, ...] | None
     exhausted: bool
@@ -246,7 +282,8 @@ class OperatorSequence:
 def find_sequence(
     player: NetPlayer, goals: Sequence[Octuple], most: int = MAX_SITUATIONS
 ) -> OperatorSequence:
-    """The shortest sequence after which every goal holds; a goal is a contact, or a free anchor point.
+    """The shortest sequence after which every goal holds; a goal is a contact, or a free anchor
+    point.
 
     The search gives up after `most` situations.
     """
@@ -277,7 +314,8 @@ def holds_in(player: NetPlayer, situation: NetSituation, goal: Octuple) -> bool:
             for point in (contact.first, contact.second)
         )
     return any(
-        next(template_bindings(model, goal, contact), None) is not None for contact in situation.contacts
+        next(template_bindings(model, goal, contact), None) is not None
+        for contact in situation.contacts
     )
 
 
@@ -296,7 +334,9 @@ Points = dict[tuple[str, str], tuple[str, str]]
 
 
 def place_bindings(player: NetPlayer, situation: NetSituation) -> tuple[tuple[str, Bindings], ...]:
-    """For each cluster its place, and the names for the variables of its template, as in `O1` or `O2.A1`."""
+    """For each cluster its place, and the names for the variables of its template, as in `O1`
+    or `O2.A1`.
+    """
     outliner = Outliner(player.space)
     bound_clusters = []
     for tokens in dict.fromkeys(player.clusters(situation.contacts).values()):
@@ -307,13 +347,19 @@ def place_bindings(player: NetPlayer, situation: NetSituation) -> tuple[tuple[st
     return tuple(
         sorted(
             bound_clusters,
-            key=lambda bound_cluster: (order.get(bound_cluster[0], -1), sorted(bound_cluster[1].items())),
+            key=lambda bound_cluster: (
+                order.get(bound_cluster[0], -1),
+                sorted(bound_cluster[1].items()),
+            ),
         )
     )
 
 
 def _bind_template(
-    player: NetPlayer, outliner: Outliner, tokens: tuple[tuple[int, int], ...], situation: NetSituation
+    player: NetPlayer,
+    outliner: Outliner,
+    tokens: tuple[tuple[int, int], ...],
+    situation: NetSituation,
 ) -> Iterator[tuple[str, str]]:
     at = {token: n for n, token in enumerate(tokens)}
     pairs = sorted(_contact_edges(player, at, situation), key=lambda edge_contact: edge_contact[0])
@@ -343,7 +389,10 @@ def _bind_template(
             yield name.instance, objects[point.instance]
             if is_variable_name(name.anchor):
                 anchor_point = anchors.get((point.instance, point.anchor))
-                yield f"{name.instance}.{name.anchor}", anchor_point[1] if anchor_point else point.anchor
+                yield (
+                    f"{name.instance}.{name.anchor}",
+                    anchor_point[1] if anchor_point else point.anchor,
+                )
 
 
 def _template_ends(template: Octuple, shown: Octuple) -> Iterator[tuple[Quadruple, Quadruple]]:
@@ -359,4 +408,7 @@ def _contact_edges(
         (key, key_slot), (lock, lock_slot) = player.end(contact.first), player.end(contact.second)
         if key in at and lock in at:
             kind = player.rules.kind(key[0], key_slot, lock[0], lock_slot)
-            yield ContactEdge(at[key], key_slot, at[lock], lock_slot, kind.name if kind else ""), contact
+            yield (
+                ContactEdge(at[key], key_slot, at[lock], lock_slot, kind.name if kind else ""),
+                contact,
+            )

@@ -1,7 +1,8 @@
 """Generates the contact states of clusters and the steps between them, by the cell's joints.
 
-One law serves both directions: a contact can be made between two clusters, and broken into them, if the anchor point of one
-of them is moved by a controllable chain and nothing in that cluster is held by the ground or by a passive joint.
+One law serves both directions: a contact can be made between two clusters, and broken into them, if
+the anchor point of one of them is moved by a controllable chain and nothing in that cluster is held
+by the ground or by a passive joint.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,7 +32,14 @@ from cellwright.engine.stages.states.clusters import (
     part_of_cluster,
 )
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-from cellwright.kb.model.contact_model import ContactClass, ContactModel, Octuple, OneWay, Quadruple, class_of
+from cellwright.kb.model.contact_model import (
+    ContactClass,
+    ContactModel,
+    Octuple,
+    OneWay,
+    Quadruple,
+    class_of,
+)
 
 
 class ContactRules:
@@ -56,7 +64,10 @@ class ContactRules:
     def _point(self, kind: int, slot: int) -> Quadruple:
         token, at = self.types[kind], self.types[kind].slots[slot]
         return Quadruple(
-            token.classes[at.position], token.members[0][at.position], at.anchor_class, at.anchors[0]
+            token.classes[at.position],
+            token.members[0][at.position],
+            at.anchor_class,
+            at.anchors[0],
         )
 
     @cached_property
@@ -65,13 +76,17 @@ class ContactRules:
         classes = self.model.contact_classes
         return {
             name: frozenset(
-                contact_class.name for contact_class in classes.values() if contact_class.over == name
+                contact_class.name
+                for contact_class in classes.values()
+                if contact_class.over == name
             )
             for name in classes
         }
 
     def chain(self, cluster: TokenCluster) -> frozenset[int]:
-        """The nodes that controllable joints move, directly or through fixed and controllable contacts."""
+        """The nodes that controllable joints move, directly or through fixed and controllable
+        contacts.
+        """
         near = cluster_neighbours(cluster)
         open_ = [node for node, kind in enumerate(cluster.nodes) if self.types[kind].driven]
         reached = set(open_)
@@ -89,10 +104,15 @@ class ContactRules:
         kind = self.types[cluster.nodes[node]]
         if not kind.driven:
             return True
-        return kind.slots[edge.key_slot if edge.key == node else edge.lock_slot].position in kind.driven
+        return (
+            kind.slots[edge.key_slot if edge.key == node else edge.lock_slot].position
+            in kind.driven
+        )
 
     def mobile(self, cluster: TokenCluster) -> frozenset[int]:
-        """The nodes of a connected cluster that a robot can carry anywhere; empty if something holds the cluster back."""
+        """The nodes of a connected cluster that a robot can carry anywhere; empty if something
+        holds the cluster back.
+        """
         if not all(self.types[kind].loose for kind in cluster.nodes):
             return frozenset()
         return self.chain(cluster)
@@ -103,12 +123,16 @@ class ContactRules:
         return node in mobile and (not kind.driven or kind.slots[slot].position in kind.driven)
 
     def changeable(self, parted: TokenCluster, edge: ContactEdge) -> bool:
-        """Whether a contact can be made in a cluster, or side-by-side clusters, without it, or broken so that it is left."""
+        """Whether a contact can be made in a cluster, or side-by-side clusters, without it, or
+        broken so that it is left.
+        """
         kind = self.model.contact_classes[edge.kind]
         if any(self._between(parted, edge, kind) for kind in self.covers[edge.kind]):
             return False
         if kind.over:
-            return self._between(parted, edge, kind.over) and bool(self.chain(parted) & {edge.key, edge.lock})
+            return self._between(parted, edge, kind.over) and bool(
+                self.chain(parted) & {edge.key, edge.lock}
+            )
         for nodes in cluster_components(parted):
             sides = {edge.key, edge.lock} & set(nodes)
             if len(sides) == 2:
@@ -145,10 +169,11 @@ Filters = Mapping[str, ContactFilter]
 def generate_states(
     model: ContactModel, types: tuple[TokenType, ...], filters: Filters, most: int = MAX_FORMS
 ) -> FormSpace:
-    """All forms that clusters of these tokens can take from the start on, and the steps between them.
+    """All forms that clusters of these tokens can take from the start on, and the steps between
+    them.
 
-    It stops when there are more than `most` forms; then the answer is not `complete`. Raises `InvalidInput` if a filter
-    does not let the start pass.
+    It stops when there are more than `most` forms; then the answer is not `complete`. Raises
+    `InvalidInput` if a filter does not let the start pass.
     """
     run = _Generation(model, types, filters, ContactRules(model, types), most)
     start = [run.initial(cluster, names) for cluster, names in _initial_clusters(model, types)]
@@ -167,7 +192,10 @@ def generate_states(
 def _initial_clusters(
     model: ContactModel, types: tuple[TokenType, ...]
 ) -> Iterator[tuple[TokenCluster, tuple[str, ...]]]:
-    """The clusters at the start, with their objects. Contacts with objects that are no part of these tokens are left out."""
+    """The clusters at the start, with their objects.
+
+    Contacts with objects that are no part of these tokens are left out.
+    """
     at = {
         name: (node, kind, position)
         for node, (kind, member) in enumerate(
@@ -180,20 +208,27 @@ def _initial_clusters(
     edges = []
     for contact in model.initial:
         if contact.first.instance in at and contact.second.instance in at:
-            key, lock = (_end_at(types, at[p.instance], p.anchor) for p in (contact.first, contact.second))
+            key, lock = (
+                _end_at(types, at[p.instance], p.anchor) for p in (contact.first, contact.second)
+            )
             kind = rules.kind(nodes[key[0]], key[1], nodes[lock[0]], lock[1])
             assert kind is not None, "the loader accepts only contacts of a contact class"
             edges.append(ContactEdge(*key, *lock, kind.name))
     whole = TokenCluster(nodes, tuple(edges))
     members = [member for token_type in types for member in token_type.members]
     for component in cluster_components(whole):
-        yield part_of_cluster(whole, component), tuple(name for node in component for name in members[node])
+        yield (
+            part_of_cluster(whole, component),
+            tuple(name for node in component for name in members[node]),
+        )
 
 
 def _end_at(types: Sequence[TokenType], at: tuple[int, int, int], anchor: str) -> tuple[int, int]:
     node, kind, position = at
     slots = enumerate(types[kind].slots)
-    return node, next(n for n, slot in slots if slot.position == position and anchor in slot.anchors)
+    return node, next(
+        n for n, slot in slots if slot.position == position and anchor in slot.anchors
+    )
 
 
 @dataclass
@@ -241,7 +276,13 @@ class _Generation:
         form = self.forms[number]
         seen = set()
         for edge in form.cluster.edges:
-            alike = (form.orbits[edge.key], edge.key_slot, form.orbits[edge.lock], edge.lock_slot, edge.kind)
+            alike = (
+                form.orbits[edge.key],
+                edge.key_slot,
+                form.orbits[edge.lock],
+                edge.lock_slot,
+                edge.kind,
+            )
             if alike not in seen and self.rules.breaks(edge):
                 seen.add(alike)
                 self._break(number, edge)
@@ -271,11 +312,18 @@ class _Generation:
                 for kind, count in sorted(counts_of(tuple(cluster.nodes[i] for i in nodes)).items())
             )
             self._step(
-                (number,), tuple(form_number for form_number, _ in outputs), False, cluster, edge, moved
+                (number,),
+                tuple(form_number for form_number, _ in outputs),
+                False,
+                cluster,
+                edge,
+                moved,
             )
 
     def _inside(self, cluster: TokenCluster) -> Iterator[ContactEdge]:
-        """The contacts that could be made inside a cluster: those that stand over one that is there."""
+        """The contacts that could be made inside a cluster: those that stand over one that is
+        there.
+        """
         open_ = free_slots(cluster, self.types)
         for under in cluster.edges:
             for name in self.rules.covers[under.kind]:
@@ -289,7 +337,9 @@ class _Generation:
     def _together(self, first: int, second: int) -> None:
         """Try every contact of two forms, one of which is mobile."""
         pair = join_clusters(self.forms[first].cluster, self.forms[second].cluster)
-        if any(n > len(self.types[k].members) for k, n in counts_of(tuple(sorted(pair.nodes))).items()):
+        if any(
+            n > len(self.types[k].members) for k, n in counts_of(tuple(sorted(pair.nodes))).items()
+        ):
             return
         shift = len(self.forms[first].cluster.nodes)
         sides = [self._ends(first, 0), self._ends(second, shift)]
@@ -306,7 +356,9 @@ class _Generation:
                     self._make((first, second), pair, edge)
 
     def _ends(self, number: int, shift: int) -> list[tuple[int, int, int]]:
-        """The free slots of a form, one for all that are alike: (node counted from `shift`, slot, node)."""
+        """The free slots of a form, one for all that are alike: (node counted from `shift`,
+        slot, node).
+        """
         form = self.forms[number]
         seen, ends = set(), []
         for node, slots in enumerate(free_slots(form.cluster, self.types)):
@@ -315,7 +367,9 @@ class _Generation:
                 ends += [(node + shift, slot, node) for slot in slots]
         return ends
 
-    def _edge(self, pair: TokenCluster, a: tuple[int, int], b: tuple[int, int]) -> ContactEdge | None:
+    def _edge(
+        self, pair: TokenCluster, a: tuple[int, int], b: tuple[int, int]
+    ) -> ContactEdge | None:
         for key, lock in ((a, b), (b, a)):
             kind = self.rules.kind(pair.nodes[key[0]], key[1], pair.nodes[lock[0]], lock[1])
             if kind is not None and not kind.over:
@@ -325,7 +379,9 @@ class _Generation:
     def _make(self, inputs: tuple[int, ...], parted: TokenCluster, edge: ContactEdge) -> None:
         if not self.rules.makes(edge):
             return
-        joined_form = self._form(TokenCluster(parted.nodes, tuple(sorted((*parted.edges, edge)))), edge)
+        joined_form = self._form(
+            TokenCluster(parted.nodes, tuple(sorted((*parted.edges, edge)))), edge
+        )
         if joined_form is None:
             return
         inputs = tuple(sorted(inputs))

@@ -1,8 +1,8 @@
 """Token types of a cell: permanent clusters of objects, and which of them can be exchanged.
 
-Terminals are objects that no joint moves. They do not join what stands on them into one cluster (Matthiesen, section 4):
-those without anchor points are left out, and joints on terminals are not followed. Terminals with anchor points that are
-fixed to each other are one cluster.
+Terminals are objects that no joint moves. They do not join what stands on them into one cluster
+(Matthiesen, section 4): those without anchor points are left out, and joints on terminals are not
+followed. Terminals with anchor points that are fixed to each other are one cluster.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -21,7 +21,8 @@ from cellwright.kb.model.contact_model import (
     named_in,
 )
 
-Individuals = Collection[tuple[str, str]]  # (object class, anchor point) that may not be exchanged for others
+# (object class, anchor point) that may not be exchanged for others
+Individuals = Collection[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,9 @@ class PermanentBodies:
 
 
 def permanent_bodies(model: ContactModel) -> PermanentBodies:
-    """Terminals, what passive joints and what controllable joints move, and the permanent clusters of the rest."""
+    """Terminals, what passive joints and what controllable joints move, and the permanent
+    clusters of the rest.
+    """
     fixed: nx.Graph[str] = nx.Graph()
     every: nx.Graph[str] = nx.Graph()
     for graph in (fixed, every):
@@ -46,30 +49,51 @@ def permanent_bodies(model: ContactModel) -> PermanentBodies:
             fixed.add_edge(contact.first, contact.second)
     terminals = frozenset(nx.node_connected_component(fixed, GROUND_OBJECT)) - {GROUND_OBJECT}
     driven = frozenset(_driven_objects(model, terminals))
-    hung = frozenset(nx.node_connected_component(every, GROUND_OBJECT)) - terminals - driven - {GROUND_OBJECT}
+    hung = (
+        frozenset(nx.node_connected_component(every, GROUND_OBJECT))
+        - terminals
+        - driven
+        - {GROUND_OBJECT}
+    )
     clusters = tuple(
-        sorted(_permanent_clusters(model, terminals), key=lambda cluster: _cluster_rank(model, cluster))
+        sorted(
+            _permanent_clusters(model, terminals), key=lambda cluster: _cluster_rank(model, cluster)
+        )
     )
     return PermanentBodies(terminals, hung, driven, clusters)
 
 
 def _driven_objects(model: ContactModel, terminals: Collection[str]) -> Iterator[str]:
-    """The objects that controllable joints move: beyond such a joint, through fixed and controllable contacts."""
+    """The objects that controllable joints move: beyond such a joint, through fixed and
+    controllable contacts.
+    """
     for joint in (
-        permanent for permanent in model.permanent.values() if permanent.controllable and not permanent.by
+        permanent
+        for permanent in model.permanent.values()
+        if permanent.controllable and not permanent.by
     ):
         onward: nx.Graph[str] = nx.Graph()
         onward.add_node(joint.second)
-        further_joints = (permanent for permanent in model.permanent.values() if permanent is not joint)
-        onward.add_edges_from((c.first, c.second) for c in further_joints if c.controllable or not c.freedom)
+        further_joints = (
+            permanent for permanent in model.permanent.values() if permanent is not joint
+        )
+        onward.add_edges_from(
+            (c.first, c.second) for c in further_joints if c.controllable or not c.freedom
+        )
         reached = nx.node_connected_component(onward, joint.second)
         yield from (
-            instance for instance in reached if instance not in terminals and instance != GROUND_OBJECT
+            instance
+            for instance in reached
+            if instance not in terminals and instance != GROUND_OBJECT
         )
 
 
-def _permanent_clusters(model: ContactModel, terminals: Collection[str]) -> Iterator[tuple[str, ...]]:
-    bare = {terminal for terminal in terminals if not _has_anchors(model, terminal)} | {GROUND_OBJECT}
+def _permanent_clusters(
+    model: ContactModel, terminals: Collection[str]
+) -> Iterator[tuple[str, ...]]:
+    bare = {terminal for terminal in terminals if not _has_anchors(model, terminal)} | {
+        GROUND_OBJECT
+    }
     together: nx.Graph[str] = nx.Graph()
     together.add_nodes_from(instance for instance in model.objects if instance not in bare)
     for contact in model.permanent.values():
@@ -93,9 +117,13 @@ def _cluster_rank(model: ContactModel, objects: tuple[str, ...]) -> int:
 
 
 def token_types(
-    model: ContactModel, parts: Collection[str] = (), full: bool = False, individuals: Individuals = ()
+    model: ContactModel,
+    parts: Collection[str] = (),
+    full: bool = False,
+    individuals: Individuals = (),
 ) -> tuple[TokenType, ...]:
-    """The token types of a cell, or of the clusters of its `parts` alone (objects or classes, with only their anchor points).
+    """The token types of a cell, or of the clusters of its `parts` alone (objects or classes, with
+    only their anchor points).
 
     If `full`, every object and every anchor point is an individual.
     """
@@ -103,7 +131,9 @@ def token_types(
     named = set(_named_objects(model))
     groups: dict[tuple[object, ...], list[tuple[str, ...]]] = {}
     for cluster in permanent.clusters:
-        chosen = tuple(instance for instance in cluster if not parts or _is_chosen(model, instance, parts))
+        chosen = tuple(
+            instance for instance in cluster if not parts or _is_chosen(model, instance, parts)
+        )
         if not chosen:
             continue
         alone = full or any(instance in named for instance in chosen)
@@ -111,7 +141,12 @@ def token_types(
     splits = {(kind, anchor) for kind, anchor in individuals} | set(_named_points(model))
     return tuple(
         _token_type(
-            model, permanent, members, full or any(instance in named for instance in members[0]), full, splits
+            model,
+            permanent,
+            members,
+            full or any(instance in named for instance in members[0]),
+            full,
+            splits,
         )
         for members in groups.values()
     )
@@ -127,7 +162,11 @@ def _cluster_signature(
     if alone:
         return objects
     sides = tuple(
-        (instance in permanent.terminals, instance in permanent.passive, instance in permanent.driven)
+        (
+            instance in permanent.terminals,
+            instance in permanent.passive,
+            instance in permanent.driven,
+        )
         for instance in objects
     )
     inner = tuple(
@@ -196,14 +235,20 @@ def _token_slots(
     for anchor in anchors:
         counts[anchor.anchor_class] = counts.get(anchor.anchor_class, 0) + 1
         alone = full or (kind, anchor.name) in splits
-        groups.setdefault((anchor.anchor_class, anchor.name if alone else ""), []).append(anchor.name)
+        groups.setdefault((anchor.anchor_class, anchor.name if alone else ""), []).append(
+            anchor.name
+        )
     sides = {anchor.anchor_class: anchor.key for anchor in anchors}
     for (anchor_class, _), names in groups.items():
-        yield AnchorSlot(position, anchor_class, tuple(names), sides[anchor_class], counts[anchor_class] > 1)
+        yield AnchorSlot(
+            position, anchor_class, tuple(names), sides[anchor_class], counts[anchor_class] > 1
+        )
 
 
 def handled_objects_of_joints(model: ContactModel) -> Mapping[str, tuple[str, ...]]:
-    """For each joint with settings, the objects that are handled in order to move it; empty if its controller does it."""
+    """For each joint with settings, the objects that are handled in order to move it; empty if
+    its controller does it.
+    """
     permanent = permanent_bodies(model)
     return {
         name: tuple(_handled_objects(joint, permanent))

@@ -1,9 +1,10 @@
 """Plan checker: says whether a partially ordered plan does what it claims, in every order.
 
-It executes the steps in one order against the domain itself, verifies every causal link, and shows that
-unordered steps cannot disturb each other. So every other order gives the same result. It shares no code with
-grounding or search. Both use these parts of `kb`: terms and how they are matched (`cellwright.kb.terms`), their
-arithmetic (`cellwright.kb.arithmetic`), what clingo derives from the static rules (`cellwright.kb.asp`), and what a workflow means
+It executes the steps in one order against the domain itself, verifies every causal link, and shows
+that unordered steps cannot disturb each other. So every other order gives the same result. It
+shares no code with grounding or search. Both use these parts of `kb`: terms and how they are
+matched (`cellwright.kb.terms`), their arithmetic (`cellwright.kb.arithmetic`), what clingo derives
+from the static rules (`cellwright.kb.asp`), and what a workflow means
 (`cellwright.kb.model.planning_problem`).
 """
 
@@ -25,7 +26,15 @@ from cellwright.kb.diagnostics import Diagnostic, Source
 from cellwright.kb.model.conditions import And, Condition, Literal, literals_in
 from cellwright.kb.model.domain_model import Operator
 from cellwright.kb.model.operator_amounts import NoAmount
-from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, CausalLink, Claims, Plan, Step, StepId
+from cellwright.kb.model.plan_model import (
+    GOAL_STEP,
+    INITIAL_STEP,
+    CausalLink,
+    Claims,
+    Plan,
+    Step,
+    StepId,
+)
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Substitution, Term, substitute_atom, substitute_term
 
@@ -42,7 +51,9 @@ def validate_plan(
 def plan_findings(
     semantics: Semantics, plan: Plan, name: str = "plan", claims: Claims | None = None
 ) -> list[Diagnostic]:
-    """`validate` for the problem of a semantics, whose static facts may have been evaluated already."""
+    """`validate` for the problem of a semantics, whose static facts may have been evaluated
+    already.
+    """
     return _Check(semantics, plan, Source(name)).run(claims)
 
 
@@ -73,7 +84,9 @@ class _Check:
         return self.found
 
     def _as_it_is(self) -> Plan:
-        """The plan with the durations and costs that its steps really have; where it has no links, with those of its stages."""
+        """The plan with the durations and costs that its steps really have; where it has no
+        links, with those of its stages.
+        """
         steps = tuple(
             replace(step, duration=self.amounts[step.id][0], cost=self.amounts[step.id][1])
             for step in self.plan.steps
@@ -93,14 +106,17 @@ class _Check:
         self.found.append(Diagnostic(self.where, code, message, hint))
 
     def _well_formed(self) -> bool:
-        """Whether step numbers are distinct and positive, and every step that is waited for or linked exists."""
+        """Whether step numbers are distinct and positive, and every step that is waited for or
+        linked exists.
+        """
         seen: set[StepId] = set()
         for step in self.plan.steps:
             for awaited in step.after:
                 if awaited not in seen:
                     self._report(
                         "K505",
-                        f"step {step.id} waits for {awaited}, which does not come before it in the list",
+                        f"step {step.id} waits for {awaited}, which does not come before it in "
+                        "the list",
                     )
             if step.id in seen or step.id <= 0:
                 self._report("K507", f"step number {step.id} is used twice or not positive")
@@ -109,7 +125,8 @@ class _Check:
         for link in self.plan.links:
             if link.producer not in producers or link.consumer not in consumers:
                 self._report(
-                    "K504", f"a link names a step that does not exist: {link.producer} to {link.consumer}"
+                    "K504",
+                    f"a link names a step that does not exist: {link.producer} to {link.consumer}",
                 )
         return not self.found
 
@@ -125,7 +142,9 @@ class _Check:
             unexpected = stages.step(step.id, change.events, change.adds, after)
             if unexpected is not None:
                 self._report(
-                    "K506", f"step {step.id} {step.operator}: {unexpected} is not the next stage of any chain"
+                    "K506",
+                    f"step {step.id} {step.operator}: {unexpected} is not the next stage of any "
+                    "chain",
                 )
                 return False
             state = after
@@ -152,31 +171,44 @@ class _Check:
         change = self.semantics.change(operator, bindings, facts, state)
         if change.contradiction is not None:
             text = f"step {step.id} {step.operator} both adds and denies {change.contradiction}"
-            hint = f"add conditions to {operator.name}, or to the deductive operators that it triggers"
+            hint = (
+                f"add conditions to {operator.name}, or to the deductive operators that it triggers"
+            )
             self.found.append(Diagnostic(operator.where, "K301", text, hint))
             return None
         self.executed[step.id] = ExecutedStep(step, operator, bindings, change)
         return change
 
     def _amounts(self, step: Step, operator: Operator, bindings: Substitution) -> bool:
-        """Whether a step exists: what it holds, how long it lasts and what it costs have values. Wrong claims are told."""
+        """Whether a step exists: what it holds, how long it lasts and what it costs have values.
+
+        Wrong claims are told.
+        """
         try:
             resources, *numbers = self.semantics.demands(step.operator, operator, bindings)
         except NoAmount as error:
             self._report("K501", f"step {step.id} {step.operator}: {error}", error.hint)
             return False
         if None in resources:
-            self._report("K501", f"step {step.id} {step.operator}: a resource that it must hold has no value")
+            self._report(
+                "K501", f"step {step.id} {step.operator}: a resource that it must hold has no value"
+            )
             return False
-        for name, value, claimed in zip(AMOUNT_FIELDS, numbers, (step.duration, step.cost), strict=True):
+        for name, value, claimed in zip(
+            AMOUNT_FIELDS, numbers, (step.duration, step.cost), strict=True
+        ):
             if value < 0:
                 self._report("K501", f"step {step.id} {step.operator}: its {name} is {value}")
                 return False
             if value != claimed:
-                self._report("K508", f"step {step.id} {step.operator} has the {name} {value}, not {claimed}")
+                self._report(
+                    "K508", f"step {step.id} {step.operator} has the {name} {value}, not {claimed}"
+                )
         self.amounts[step.id] = numbers[0], numbers[1]
         if not set(resources) <= set(step.resources):
-            self._report("K501", f"step {step.id} {step.operator} must hold {_list_terms(resources)}")
+            self._report(
+                "K501", f"step {step.id} {step.operator} must hold {_list_terms(resources)}"
+            )
             return False
         return True
 
@@ -188,7 +220,9 @@ class _Check:
                 for resource in executed.operator.resources
             ]
             if more := [resource for resource in executed.step.resources if resource not in own]:
-                yield f"step {executed.step.id} {executed.step.operator} holds no {_list_terms(more)}"
+                yield (
+                    f"step {executed.step.id} {executed.step.operator} holds no {_list_terms(more)}"
+                )
 
     def _unmet(
         self, step: Step, operator: Operator, bindings: Substitution, facts: CheckerFacts
@@ -197,7 +231,9 @@ class _Check:
         failed = self.semantics.unmet(operator, step.operator, facts)
         return None if failed is None else _condition_text(failed, bindings)
 
-    def _failed(self, condition: Condition, facts: CheckerFacts, bindings: Substitution) -> Iterator[str]:
+    def _failed(
+        self, condition: Condition, facts: CheckerFacts, bindings: Substitution
+    ) -> Iterator[str]:
         """The conjuncts that do not hold, written with their values."""
         if isinstance(condition, And):
             for part in condition.parts:
@@ -228,7 +264,8 @@ class _Check:
                     links.lasts_until(atom, reached_stage.step) for atom in reached_stage.held
                 ):
                     text = (
-                        f"{reached_stage.stage} of {name} is reached when step {reached_stage.step} has come"
+                        f"{reached_stage.stage} of {name} is reached when step "
+                        f"{reached_stage.step} has come"
                     )
                     self._report("K506", f"{text}, but it may not hold then in every order")
 

@@ -1,6 +1,7 @@
 """Values of aggregates over fluents in the checker: that of a set, or the range in which it lies.
 
-Where only bounds of a state are known, so are only bounds of the set: tuples that are in it for certain, and others that may be.
+Where only bounds of a state are known, so are only bounds of the set: tuples that are in it for
+certain, and others that may be.
 """
 
 from collections.abc import Iterator, Mapping, Set
@@ -17,7 +18,9 @@ HIGHEST_KEY: Key = (9,)  # the #min of nothing: behind all terms
 
 
 def can_test(aggregate: StateAggregate, bindings: Bindings) -> bool:
-    """Whether the outer variables of an aggregate have values, except for one that takes its value."""
+    """Whether the outer variables of an aggregate have values, except for one that takes its
+    value.
+    """
     taken = _taken_variable(aggregate, bindings)
     return all(variable in bindings or variable == taken for variable in aggregate.outer)
 
@@ -35,8 +38,9 @@ def fitting_bindings(
 ) -> Iterator[Bindings]:
     """The bindings with which an aggregate is true of a set.
 
-    If all of `one` are in `other`, the set lies between them, and the aggregate must be true of each such set. Else the set
-    lies between `other` and `one`, and the aggregate may be true of one such set. If they are the same, so is the answer.
+    If all of `one` are in `other`, the set lies between them, and the aggregate must be true of
+    each such set. Else the set lies between `other` and `one`, and the aggregate may be true of one
+    such set. If they are the same, so is the answer.
     """
     for_certain = one <= other
     certain, possible = (one, other) if for_certain else (other, one)
@@ -47,7 +51,9 @@ def fitting_bindings(
             yield bindings
         return
     values = (
-        _values_between(aggregate.function, possible, low, high) if low == high or not for_certain else ()
+        _values_between(aggregate.function, possible, low, high)
+        if low == high or not for_certain
+        else ()
     )
     for value in values:
         extended = {**bindings, taken: value}
@@ -90,17 +96,23 @@ def _values_between(function: str, possible: Set[Tuple], low: Key, high: Key) ->
     yield from sorted((t for t in terms if low <= order_key(t) <= high), key=order_key)
 
 
-def _is_true(aggregate: StateAggregate, bindings: Bindings, low: Key, high: Key, for_certain: bool) -> bool:
-    """Whether all comparisons hold for every value between two ends, or may hold for one; the reverse under `not`."""
+def _is_true(
+    aggregate: StateAggregate, bindings: Bindings, low: Key, high: Key, for_certain: bool
+) -> bool:
+    """Whether all comparisons hold for every value between two ends, or may hold for one; the
+    reverse under `not`.
+    """
     sides = [
-        (relation, evaluate_term(substitute_term(term, bindings))) for relation, term in aggregate.guards
+        (relation, evaluate_term(substitute_term(term, bindings)))
+        for relation, term in aggregate.guards
     ]
     if any(side is None or not is_ground(side) for _, side in sides):
         return False
     bounds = [(relation, order_key(side)) for relation, side in sides if side is not None]
     if for_certain is aggregate.positive:
         all_hold = all(
-            not _may_hold(_NEGATED_RELATIONS[relation], low, high, bound) for relation, bound in bounds
+            not _may_hold(_NEGATED_RELATIONS[relation], low, high, bound)
+            for relation, bound in bounds
         )
     else:
         all_hold = all(_may_hold(relation, low, high, bound) for relation, bound in bounds)

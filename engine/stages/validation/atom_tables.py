@@ -38,13 +38,14 @@ class _Asked(dict[Row, bool]):
 class AtomTable:
     """The rows of a predicate with so many arguments.
 
-    Those of a predicate that can change are entered one by one. Else they are the facts that never change, all of which are read
-    when some are looked up, and few when single ones are tested.
+    Those of a predicate that can change are entered one by one. Else they are the facts that never
+    change, all of which are read when some are looked up, and few when single ones are tested.
     """
 
     def __init__(self, name: str, arity: int, tables: "AtomTables") -> None:
         self.name, self.arity, self.changes = name, arity, name in tables.dynamic
-        self.numbers: dict[Row, int] = {}  # the number of the atom of each row that has been entered
+        # the number of the atom of each row that has been entered
+        self.numbers: dict[Row, int] = {}
         self._tables = tables
         self._asked = _Asked(lambda row: tables.atom_of(name, row) in tables.statics)
         self._indexes: dict[tuple[int, ...], dict[Row, list[Row]]] = {}
@@ -76,10 +77,14 @@ class AtomTable:
 
 
 class AtomTables:
-    """Numbers of terms, and those of the atoms that have been entered, over the facts that never change."""
+    """Numbers of terms, and those of the atoms that have been entered, over the facts that
+    never change.
+    """
 
     def __init__(self, statics: CheckerFacts, dynamic: Collection[str]) -> None:
-        """No atom; those of the predicates in `dynamic` will be entered, all others are in `statics`."""
+        """No atom; those of the predicates in `dynamic` will be entered, all others are in
+        `statics`.
+        """
         self.statics, self.dynamic = statics, dynamic
         self.terms: list[Term] = []
         self.numbers: dict[Atom, int] = {}  # of atoms that have been told or asked for as atoms

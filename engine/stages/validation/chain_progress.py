@@ -29,8 +29,8 @@ Counters = tuple[int, ...]
 class ReachedStage:
     """A stage that is reached once a step has ended, or at the start.
 
-    `held` are the atoms of it that held already and that the step does not add; empty if the step itself reaches the whole
-    stage, by an event or by what it adds.
+    `held` are the atoms of it that held already and that the step does not add; empty if the step
+    itself reaches the whole stage, by an event or by what it adds.
     """
 
     stage: Atom
@@ -63,7 +63,8 @@ class ChainProgress:
     ) -> Atom | None:
         """Move on by what a step did, to a state.
 
-        Returns the event that no chain expects now, or the stage that is reached before its turn, if there is one.
+        Returns the event that no chain expects now, or the stage that is reached before its turn,
+        if there is one.
         """
         if not self.chains and not events:
             self.state = state
@@ -79,7 +80,9 @@ class ChainProgress:
                     continue
                 longer = tuple(
                     (*own, *self._new(chain, range(before, now), step, (*events, *adds), state))
-                    for chain, own, before, now in zip(self.chains, trail, reading, after, strict=True)
+                    for chain, own, before, now in zip(
+                        self.chains, trail, reading, after, strict=True
+                    )
                 )
                 moved.setdefault(after, longer)
         if not moved:
@@ -89,7 +92,9 @@ class ChainProgress:
         return None
 
     def _note(self, step: StepId, adds: frozenset[Atom], state: CheckerFacts) -> None:
-        """Note the step that makes a stage hold that stays, and those that add it again: they come after that step."""
+        """Note the step that makes a stage hold that stays, and those that add it again: they
+        come after that step.
+        """
         for stage in self.late:
             if any(reaches_stage(atom, part) for atom in adds for part in stage_parts(stage)):
                 if stage in self.made:
@@ -103,11 +108,15 @@ class ChainProgress:
             return None
         names = [chain.name for chain in self.chains]
         counts = (dict(zip(names, state_counts, strict=True)) for state_counts in (before, after))
-        return too_early(self.late, adds, stage_holds(self.state), stages_in_turn(self.chains, *counts))
+        return too_early(
+            self.late, adds, stage_holds(self.state), stages_in_turn(self.chains, *counts)
+        )
 
     def _settled(self, counts: Sequence[int], state: CheckerFacts) -> Counters:
         names = [chain.name for chain in self.chains]
-        settled_counts = settle_chains(self.chains, dict(zip(names, counts, strict=True)), stage_holds(state))
+        settled_counts = settle_chains(
+            self.chains, dict(zip(names, counts, strict=True)), stage_holds(state)
+        )
         return tuple(settled_counts[name] for name in names)
 
     def _new(
@@ -116,30 +125,41 @@ class ChainProgress:
         for number in numbers:
             parts = stage_parts(chain.stages[number])
             own = [part for part in parts if any(reaches_stage(atom, part) for atom in done)]
-            stage_atoms = (atom for part in parts if part not in own for atom in those_reaching(part, state))
+            stage_atoms = (
+                atom for part in parts if part not in own for atom in those_reaching(part, state)
+            )
             yield ReachedStage(chain.stages[number], step, tuple(stage_atoms))
 
     def _waiting(self, reading: Counters) -> dict[int, Atom]:
         """The next stage of each chain that may advance."""
         reached = dict(zip((chain.name for chain in self.chains), reading, strict=True))
         stages = next_stages(self.chains, reached)
-        return {i: stages[chain.name] for i, chain in enumerate(self.chains) if chain.name in stages}
+        return {
+            i: stages[chain.name] for i, chain in enumerate(self.chains) if chain.name in stages
+        }
 
     def missing(self) -> list[str]:
-        """The stages that the most advanced reading has not reached, and last fluents that no longer hold."""
+        """The stages that the most advanced reading has not reached, and last fluents that no
+        longer hold.
+        """
         missing_stages = [
             f"{chain.stages[n]} of {chain.name}"
             for chain, n in zip(self.chains, self._best(), strict=True)
             if chain.wanted and n < len(chain.stages)
         ]
-        lasting_stages = (last for own in final_stages(self.chains, self.domain).values() for last in own)
-        return [*missing_stages, *(f"{last} at the end" for last in lasting_stages if last not in self.state)]
+        lasting_stages = (
+            last for own in final_stages(self.chains, self.domain).values() for last in own
+        )
+        return [
+            *missing_stages,
+            *(f"{last} at the end" for last in lasting_stages if last not in self.state),
+        ]
 
     def reached(self) -> dict[str, tuple[ReachedStage, ...]]:
         """For each chain the stages for which an order matters, in the most advanced reading.
 
-        Those that held before their step and hold at the end are left out if nothing waits for them: they are reached in
-        every order.
+        Those that held before their step and hold at the end are left out if nothing waits for
+        them: they are reached in every order.
         """
         reached_by_chain: dict[str, tuple[ReachedStage, ...]] = {}
         awaited: set[str] = set()
@@ -159,11 +179,14 @@ class ChainProgress:
         """The most advanced reading: first of what is wanted, then of all."""
         wanted_chains = [chain.wanted for chain in self.chains]
         return max(
-            self.readings, key=lambda counts: (sum(itertools.compress(counts, wanted_chains)), sum(counts))
+            self.readings,
+            key=lambda counts: (sum(itertools.compress(counts, wanted_chains)), sum(counts)),
         )
 
     def steps_of(self, name: str) -> tuple[StepId, ...]:
-        """The steps with which a chain has reached its stages, in their order, in the most advanced reading."""
+        """The steps with which a chain has reached its stages, in their order, in the most
+        advanced reading.
+        """
         place = next(n for n, chain in enumerate(self.chains) if chain.name == name)
         return tuple(reached_stage.step for reached_stage in self.trail()[place])
 
@@ -171,9 +194,15 @@ class ChainProgress:
         return bool(reached.held) and stage_holds(self.state)(reached.stage)
 
     def orders(self) -> Iterator[tuple[StepId, StepId, str]]:
-        """Pairs of steps that must be ordered, and why: stages of one chain, and chains after others."""
+        """Pairs of steps that must be ordered, and why: stages of one chain, and chains after
+        others.
+        """
         steps = {
-            name: [reached_stage.step for reached_stage in reached if reached_stage.step != INITIAL_STEP]
+            name: [
+                reached_stage.step
+                for reached_stage in reached
+                if reached_stage.step != INITIAL_STEP
+            ]
             for name, reached in self.reached().items()
         }
         for chain in self.chains:

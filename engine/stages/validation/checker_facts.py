@@ -14,7 +14,8 @@ MIN_INDEXED_ATOMS = 16  # atoms of a predicate
 class CheckerFacts:
     """A set of ground atoms on top of a layer of facts that never change.
 
-    The atoms are kept by predicate. Those of a large predicate are indexed by argument when a pattern asks for some.
+    The atoms are kept by predicate. Those of a large predicate are indexed by argument when a
+    pattern asks for some.
     """
 
     def __init__(self, atoms: Iterable[Atom] = (), below: "CheckerFacts | None" = None) -> None:
@@ -36,7 +37,10 @@ class CheckerFacts:
         return True
 
     def put(self, atom: Atom) -> bool:
-        """Add an atom of which the facts that never change know nothing. Returns whether it is new."""
+        """Add an atom of which the facts that never change know nothing.
+
+        Returns whether it is new.
+        """
         layer = self
         while layer.below is not None:
             if atom in layer._extent(atom.name):
@@ -75,7 +79,10 @@ class CheckerFacts:
         return next_facts
 
     def _reindex(self, atom: Atom, now: tuple[Atom, ...]) -> None:
-        """Have an index list an atom anew, or no more. Its lists may be those of other facts, so they stay as they are."""
+        """Have an index list an atom anew, or no more.
+
+        Its lists may be those of other facts, so they stay as they are.
+        """
         index = self._indexes.get(atom.name)
         if index is not None:
             for key in enumerate(atom.arguments):
@@ -99,7 +106,9 @@ class CheckerFacts:
             yield from self.below.named(name)
 
     def matching(self, pattern: Atom) -> Iterator[Atom]:
-        """The atoms of a pattern's predicate, of a large one only those that share a ground argument with the pattern."""
+        """The atoms of a pattern's predicate, of a large one only those that share a ground
+        argument with the pattern.
+        """
         extent = self._extent(pattern.name)
         ground = (
             [key for key in enumerate(pattern.arguments) if is_ground(key[1])]
@@ -118,7 +127,9 @@ class CheckerFacts:
         under = self.below.having(name, arguments)
         return itertools.chain(own, under) if under else own
 
-    def _sharing(self, name: str, extent: Mapping[Atom, None], arguments: Sequence[Key]) -> Collection[Atom]:
+    def _sharing(
+        self, name: str, extent: Mapping[Atom, None], arguments: Sequence[Key]
+    ) -> Collection[Atom]:
         if len(extent) <= MIN_INDEXED_ATOMS or not arguments:
             return extent
         if name not in self._indexes:
@@ -140,7 +151,9 @@ class CheckerFacts:
 
 
 class CompletedFacts(CheckerFacts):
-    """Facts that are completed with what follows from them, of each predicate when it is first asked for."""
+    """Facts that are completed with what follows from them, of each predicate when it is first
+    asked for.
+    """
 
     def __init__(
         self,
@@ -149,7 +162,10 @@ class CompletedFacts(CheckerFacts):
         follow: Collection[str],
         complete: Callable[[str], None],
     ) -> None:
-        """Facts to which `complete` adds all atoms of a predicate in `follow`. Those of a layer are shared with it."""
+        """Facts to which `complete` adds all atoms of a predicate in `follow`.
+
+        Those of a layer are shared with it.
+        """
         super().__init__((), below)
         layer = atoms if isinstance(atoms, CheckerFacts) else CheckerFacts(atoms)
         self._by_name, self._indexes = layer._by_name.copy(), layer._indexes.copy()
@@ -161,7 +177,9 @@ class CompletedFacts(CheckerFacts):
         return super()._extent(name)
 
     def settle(self, names: Set[str]) -> Set[str]:
-        """Take the atoms of some predicates as they are: what follows has been added, or is being added. Returns which had not been."""
+        """Take the atoms of some predicates as they are: what follows has been added, or is
+        being added. Returns which had not been.
+        """
         pending = self._follow & names
         self._follow -= pending
         return pending
@@ -173,7 +191,9 @@ MAX_SINGLE_LOOKUPS = 200  # atoms of a predicate that are asked for before all a
 class EvaluatedFacts(CheckerFacts):
     """Facts that someone else has evaluated. Each predicate is read when it is first asked for."""
 
-    def __init__(self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]) -> None:
+    def __init__(
+        self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]
+    ) -> None:
         """Facts that `read` gives for a predicate, and that `holds` tells one by one."""
         super().__init__()
         self._read, self._holds = read, holds
@@ -181,7 +201,10 @@ class EvaluatedFacts(CheckerFacts):
         self._typed: dict[tuple[str, Term], bool] = {}
 
     def __contains__(self, atom: Atom) -> bool:
-        """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
+        """Whether an atom is among the facts.
+
+        The first questions do not read its predicate, which may be large.
+        """
         own_atoms = self._by_name.get(atom.name)
         if own_atoms is not None:
             return atom in own_atoms
@@ -189,7 +212,10 @@ class EvaluatedFacts(CheckerFacts):
         return self._holds(atom) if asked <= MAX_SINGLE_LOOKUPS else atom in self._extent(atom.name)
 
     def has_type(self, term: Term, type_: str) -> bool:
-        """Whether a term is a value of a type. The answer is remembered: these facts never change."""
+        """Whether a term is a value of a type.
+
+        The answer is remembered: these facts never change.
+        """
         answer = self._typed.get((type_, term))
         if answer is None:
             answer = self._typed[type_, term] = super().has_type(term, type_)

@@ -1,6 +1,7 @@
 """Joins of rule conditions over tables: instances that follow from a newly possible one.
 
-Variables and constants have places in one list of numbers. The checker's own, like the rest of its Datalog.
+Variables and constants have places in one list of numbers. The checker's own, like the rest of its
+Datalog.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -37,7 +38,9 @@ Pairs = list[tuple[int, int]]
 
 
 class RowLayout(NamedTuple):
-    """Pairs of a place in a row and a place in the list: what is known before, what becomes known, and what that has to equal."""
+    """Pairs of a place in a row and a place in the list: what is known before, what becomes
+    known, and what that has to equal.
+    """
 
     known: Pairs
     new: Pairs
@@ -63,7 +66,10 @@ class ConditionChain:
         return last
 
     def first(self, atom: Atom) -> Callable[[Row, Slots], bool]:
-        """A function that writes a row to the places, and tells whether it may match an atom. The chain goes on from there."""
+        """A function that writes a row to the places, and tells whether it may match an atom.
+
+        The chain goes on from there.
+        """
         simple, inside = self._simplified(atom)
         known_places, new, same = self._layout(simple)
         self._take_apart(inside)
@@ -76,7 +82,10 @@ class ConditionChain:
         return write
 
     def meet(self, part: BodyPart) -> None:
-        """Meet a literal or a comparison. What is no positive literal is decided by facts that never change."""
+        """Meet a literal or a comparison.
+
+        What is no positive literal is decided by facts that never change.
+        """
         if isinstance(part, Literal) and part.positive:
             simple, inside = self._simplified(part.atom)
             table = self.tables.table(part.atom.name, len(simple))
@@ -84,7 +93,9 @@ class ConditionChain:
             self._take_apart(inside)
         else:
             new = [
-                variable for variable in dict.fromkeys(bound_variables(part)) if variable not in self._places
+                variable
+                for variable in dict.fromkeys(bound_variables(part))
+                if variable not in self._places
             ]
 
             def values(bindings: dict[Variable, Term]) -> Iterator[Sequence[Term]]:
@@ -92,7 +103,9 @@ class ConditionChain:
                     yield [solution[variable] for variable in new]
 
             self._compute(
-                [variable for variable in _part_variables(part) if variable in self._places], new, values
+                [variable for variable in _part_variables(part) if variable in self._places],
+                new,
+                values,
             )
 
     def row(self, atom: Atom) -> Callable[[Slots], Row]:
@@ -103,13 +116,17 @@ class ConditionChain:
     def values(self, atom: Atom) -> Callable[[Slots], dict[Variable, Term]]:
         """The function that gives the values of those variables of an atom that have any."""
         places = {
-            variable: self._places[variable] for variable in term_variables(atom) if variable in self._places
+            variable: self._places[variable]
+            for variable in term_variables(atom)
+            if variable in self._places
         }
         terms = self.tables.terms
         return lambda slots: {variable: terms[slots[place]] for variable, place in places.items()}
 
     def _simplified(self, atom: Atom) -> tuple[list[Term], list[tuple[Variable, Term]]]:
-        """An atom's arguments with variables in place of compound terms, and those of which parts are unknown yet."""
+        """An atom's arguments with variables in place of compound terms, and those of which
+        parts are unknown yet.
+        """
         simple: list[Term] = []
         inside: list[tuple[Variable, Term]] = []
         for argument in atom.arguments:
@@ -125,13 +142,19 @@ class ConditionChain:
 
     def _put_together(self, name: Variable, pattern: Term) -> None:
         self._compute(
-            list(term_variables(pattern)), [name], lambda known: iter([[substitute_term(pattern, known)]])
+            list(term_variables(pattern)),
+            [name],
+            lambda known: iter([[substitute_term(pattern, known)]]),
         )
 
     def _take_apart(self, inside: Sequence[tuple[Variable, Term]]) -> None:
         """Match the values of some variables with patterns."""
         for name, pattern in inside:
-            named = [variable for variable in dict.fromkeys(term_variables(pattern)) if variable != ANYTHING]
+            named = [
+                variable
+                for variable in dict.fromkeys(term_variables(pattern))
+                if variable != ANYTHING
+            ]
             new = [variable for variable in named if variable not in self._places]
 
             def values(
@@ -144,14 +167,18 @@ class ConditionChain:
                 if match_bindings is not None:
                     yield [match_bindings[variable] for variable in new]
 
-            self._compute([name, *(variable for variable in named if variable in self._places)], new, values)
+            self._compute(
+                [name, *(variable for variable in named if variable in self._places)], new, values
+            )
 
     def _layout(self, simple: Sequence[Term]) -> RowLayout:
         """The places of simple arguments; from now on all have values."""
         layout, before = RowLayout([], [], []), set(self._places)
         for at, variable in enumerate(simple):
             if variable in self._places:
-                (layout.known if variable in before else layout.same).append((at, self._places[variable]))
+                (layout.known if variable in before else layout.same).append(
+                    (at, self._places[variable])
+                )
             else:
                 constant = not isinstance(variable, Variable)
                 self._places[variable] = len(self.start)
@@ -162,7 +189,10 @@ class ConditionChain:
         return layout
 
     def _compute(self, inputs: Sequence[Variable], new: Sequence[Variable], values: Values) -> None:
-        """Go on with all values that some variables can have. Given ones alone decide that, so it is remembered."""
+        """Go on with all values that some variables can have.
+
+        Given ones alone decide that, so it is remembered.
+        """
         terms, number = self.tables.terms, self.tables.term
         inputs = list(dict.fromkeys(inputs))
         key = pick_places([self._places[variable] for variable in inputs])
@@ -170,9 +200,13 @@ class ConditionChain:
 
         def value_pairs(row: Row) -> list[Pairs]:
             bindings = {
-                variable: terms[term_number] for variable, term_number in zip(inputs, row, strict=True)
+                variable: terms[term_number]
+                for variable, term_number in zip(inputs, row, strict=True)
             }
-            return [list(zip(places, map(number, new_terms), strict=True)) for new_terms in values(bindings)]
+            return [
+                list(zip(places, map(number, new_terms), strict=True))
+                for new_terms in values(bindings)
+            ]
 
         self._links.append(_remember_link(key, value_pairs))
 
@@ -236,7 +270,10 @@ def _remember_link(key: Callable[[Slots], Row], values: Callable[[Row], list[Pai
 
 
 class RuleInstance(NamedTuple):
-    """An instance of a rule: its head, and the numbers of what it needs. An excluded atom that is not ground stands for all that match."""
+    """An instance of a rule: its head, and the numbers of what it needs.
+
+    An excluded atom that is not ground stands for all that match.
+    """
 
     head: Row
     needs: tuple[int, ...]
@@ -244,22 +281,33 @@ class RuleInstance(NamedTuple):
 
 
 class RuleJoin:
-    """One condition of a rule and the other ones. `older` are those of the others that come before it in the rule and can change.
+    """One condition of a rule and the other ones. `older` are those of the others that come before
+    it in the rule and can change.
 
-    If one of these is new as well, the same instance is found there. Without a condition there are instances from the start.
+    If one of these is new as well, the same instance is found there. Without a condition there are
+    instances from the start.
     """
 
     def __init__(
-        self, rule: Rule, condition: Atom | None, other_parts: Body, older: Iterable[Atom], tables: AtomTables
+        self,
+        rule: Rule,
+        condition: Atom | None,
+        other_parts: Body,
+        older: Iterable[Atom],
+        tables: AtomTables,
     ) -> None:
-        """`others` are in order, and nothing that can change is denied among them: the rule says what an instance excludes."""
+        """`others` are in order, and nothing that can change is denied among them: the rule
+        says what an instance excludes.
+        """
         chain = ConditionChain(tables)
         self.head = _atom_table(rule.head, tables)
         self.table = _atom_table(condition, tables) if condition is not None else None
         self._write = chain.first(condition) if condition is not None else None
         for part in other_parts:
             chain.meet(part)
-        changing = [p for p in rule.body if isinstance(p, Literal) and p.atom.name in tables.dynamic]
+        changing = [
+            p for p in rule.body if isinstance(p, Literal) and p.atom.name in tables.dynamic
+        ]
         atoms = [part.atom for part in changing if part.positive]
         self._head = chain.row(rule.head)
         self._needs = [(_atom_table(atom, tables), chain.row(atom)) for atom in atoms]
@@ -270,7 +318,9 @@ class RuleJoin:
         self._found: list[RuleInstance] = []
 
     def instances(self, fresh: Sequence[Row], new: Collection[int]) -> list[RuleInstance]:
-        """The instances in which the condition is one of some fresh rows; `new` are the numbers of all atoms that are fresh."""
+        """The instances in which the condition is one of some fresh rows; `new` are the numbers
+        of all atoms that are fresh.
+        """
         self._new, self._found = new, []
         slots = self._start.copy()
         if self._write is None:
@@ -291,12 +341,18 @@ class RuleJoin:
 
 
 def make_joins(rule: Rule, tables: AtomTables) -> list[RuleJoin]:
-    """A join for each condition of a rule that can change; if there is none, one without a condition."""
+    """A join for each condition of a rule that can change; if there is none, one without a
+    condition.
+    """
     rule = _name_variables(rule)
     body = [
-        p for p in rule.body if not (isinstance(p, Literal) and not p.positive and _can_change(p, tables))
+        p
+        for p in rule.body
+        if not (isinstance(p, Literal) and not p.positive and _can_change(p, tables))
     ]
-    changing = {at: p.atom for at, p in enumerate(body) if isinstance(p, Literal) and _can_change(p, tables)}
+    changing = {
+        at: p.atom for at, p in enumerate(body) if isinstance(p, Literal) and _can_change(p, tables)
+    }
     if not changing:
         return [RuleJoin(rule, None, order_body(tuple(body), ()), (), tables)]
     return [
@@ -312,7 +368,9 @@ def make_joins(rule: Rule, tables: AtomTables) -> list[RuleJoin]:
 
 
 def _name_variables(rule: Rule) -> Rule:
-    """A rule whose positive conditions have no `_`, but a variable each time: an instance says all that it needs."""
+    """A rule whose positive conditions have no `_`, but a variable each time: an instance says
+    all that it needs.
+    """
     names = (Variable(f"_some{number}") for number in count())
     return replace(
         rule,

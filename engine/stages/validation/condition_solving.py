@@ -55,14 +55,18 @@ def order_body(body: Body, bound: Iterable[Variable]) -> Body:
 
 
 def bound_variables(part: BodyPart) -> Iterator[Variable]:
-    """The variables that have values once a literal or a comparison is solved, beside those that had values before."""
+    """The variables that have values once a literal or a comparison is solved, beside those
+    that had values before.
+    """
     match part:
         case Literal(atom, positive):
             terms: tuple[Term, ...] = (atom,) if positive else ()
         case Comparison(left, _, right):
             terms = (left, right)
         case _:
-            raise TypeError(f"the order of a body with aggregates is not decided beforehand: {part}")
+            raise TypeError(
+                f"the order of a body with aggregates is not decided beforehand: {part}"
+            )
     return (variable for term in terms for variable in term_variables(term) if variable.name != "_")
 
 
@@ -80,7 +84,9 @@ def next_part(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:
 
 
 def _literal_openness(part: BodyPart, bindings: Bindings) -> tuple[bool, int]:
-    """How little of a literal is bound: whether no argument is, and the number of those that are not."""
+    """How little of a literal is bound: whether no argument is, and the number of those that
+    are not.
+    """
     assert isinstance(part, Literal)
     unbound = sum(not _is_bound(argument, bindings) for argument in part.atom.arguments)
     return unbound == len(part.atom.arguments), unbound
@@ -92,7 +98,8 @@ def _is_test(part: BodyPart, bindings: Bindings) -> bool:
             bound = [_is_bound(side, bindings) for side in (left, right)]
             if all(bound) or relation != "=" or not any(bound):
                 return all(bound)
-            return not isinstance(right if bound[0] else left, Operation)  # else it must be computed first
+            # else it must be computed first
+            return not isinstance(right if bound[0] else left, Operation)
         case Literal(atom):
             return _is_bound(atom, bindings)
         case Aggregate():
@@ -173,12 +180,16 @@ def _solve_part(
 ) -> Iterator[Bindings]:
     match part:
         case Literal(atom, positive):
-            yield from _solve_literal(substitute_atom(atom, bindings), positive, facts, bindings, below)
+            yield from _solve_literal(
+                substitute_atom(atom, bindings), positive, facts, bindings, below
+            )
         case Comparison():
             yield from _solve_comparison(part, bindings)
         case StateAggregate():
             tuples = _collect_tuples(part, facts, bindings, below)
-            other_tuples = tuples if below is facts else _collect_tuples(part, below, bindings, facts)
+            other_tuples = (
+                tuples if below is facts else _collect_tuples(part, below, bindings, facts)
+            )
             yield from fitting_bindings(part, bindings, tuples, other_tuples)
         case Aggregate(text):
             raise ValueError(f"aggregates are evaluated by clingo beforehand: {text}")
@@ -188,7 +199,9 @@ def _collect_tuples(
     part: StateAggregate, facts: CheckerFacts, bindings: Bindings, below: CheckerFacts
 ) -> set[Tuple]:
     """The tuples in the set of an aggregate."""
-    outer_bindings = {variable: bindings[variable] for variable in part.outer if variable in bindings}
+    outer_bindings = {
+        variable: bindings[variable] for variable in part.outer if variable in bindings
+    }
     tuples = {
         tuple(evaluate_term(substitute_term(term, bound)) for term in element.terms)
         for element in part.elements
@@ -226,7 +239,9 @@ def _solve_comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings
 def condition_holds(
     condition: Condition, facts: CheckerFacts, bindings: Bindings, below: CheckerFacts | None = None
 ) -> bool:
-    """Whether a condition is true; with `below`, whether it is true in every state from `facts` to `below`."""
+    """Whether a condition is true; with `below`, whether it is true in every state from `facts`
+    to `below`.
+    """
     match condition:
         case Literal() | Comparison() | StateAggregate():
             return next(_solve_part(condition, facts, bindings, below or facts), None) is not None
@@ -248,7 +263,9 @@ def condition_holds(
 
 def _type_literals(parameters: Iterable[Parameter]) -> Iterator[Literal]:
     """The literals that list the values of each parameter whose type can be listed."""
-    return (Literal(Function(p.type, (p.variable,))) for p in parameters if p.type not in UNLISTED_TYPES)
+    return (
+        Literal(Function(p.type, (p.variable,))) for p in parameters if p.type not in UNLISTED_TYPES
+    )
 
 
 def bind_parameters(
@@ -274,7 +291,9 @@ def bind_parameters(
 
 @dataclass(frozen=True, slots=True)
 class OrderedCondition:
-    """The conditions of some parameters, in an order decided once, and the parameters whose types are left to be tested."""
+    """The conditions of some parameters, in an order decided once, and the parameters whose
+    types are left to be tested.
+    """
 
     parameters: tuple[Parameter, ...]
     condition: Condition
@@ -289,7 +308,8 @@ MAX_ORDERED_CONDITIONS = 1 << 12  # conditions in order that are kept
 def _cached_order(
     parameters: tuple[Parameter, ...], part: Condition, bindings: Bindings
 ) -> OrderedCondition | None:
-    """A condition in order, if facts give parameters their values and nothing is left to be tested after; else None.
+    """A condition in order, if facts give parameters their values and nothing is left to be tested
+    after; else None.
 
     It is found again by identity: conditions that differ in whether they are exact are equal.
     """
@@ -310,7 +330,9 @@ def order_condition(
     """A condition in order once some variables have values; None if it is of another kind."""
     if isinstance(part, Literal):
         return OrderedCondition(parameters, part, (part,), parameters) if part.positive else None
-    body = tuple(conjunct for conjunct in goal_parts(part) if isinstance(conjunct, Literal | Comparison))
+    body = tuple(
+        conjunct for conjunct in goal_parts(part) if isinstance(conjunct, Literal | Comparison)
+    )
     if len(body) < len(goal_parts(part)) or all(
         parameter.type not in UNLISTED_TYPES for parameter in parameters
     ):
@@ -321,10 +343,13 @@ def order_condition(
     return OrderedCondition(parameters, part, order_body(body, bindings), ())
 
 
-def _solve_ordered(ordered: OrderedCondition, facts: CheckerFacts, bindings: Bindings) -> Iterator[Bindings]:
+def _solve_ordered(
+    ordered: OrderedCondition, facts: CheckerFacts, bindings: Bindings
+) -> Iterator[Bindings]:
     for solution in solve_in_order(ordered.body, facts, bindings):
         if all(
-            p.variable not in solution or facts.has_type(solution[p.variable], p.type) for p in ordered.typed
+            p.variable not in solution or facts.has_type(solution[p.variable], p.type)
+            for p in ordered.typed
         ):
             yield solution
 
@@ -332,19 +357,24 @@ def _solve_ordered(ordered: OrderedCondition, facts: CheckerFacts, bindings: Bin
 def _bind_quantified(
     parameters: tuple[Parameter, ...], part: Condition, facts: CheckerFacts, bindings: Bindings
 ) -> Iterator[Bindings]:
-    """Bindings of quantified variables: from the facts if the part is a literal, else from the types."""
+    """Bindings of quantified variables: from the facts if the part is a literal, else from the
+    types.
+    """
     if isinstance(part, Literal) and part.positive:
         for literal_bindings in _solve_literal(
             substitute_atom(part.atom, bindings), True, facts, bindings, facts
         ):
             if all(
-                p.variable not in literal_bindings or facts.has_type(literal_bindings[p.variable], p.type)
+                p.variable not in literal_bindings
+                or facts.has_type(literal_bindings[p.variable], p.type)
                 for p in parameters
             ):
                 yield literal_bindings
         return
     if any(parameter.type in UNLISTED_TYPES for parameter in parameters):  # only facts bind numbers
-        body = tuple(conjunct for conjunct in goal_parts(part) if isinstance(conjunct, Literal | Comparison))
+        body = tuple(
+            conjunct for conjunct in goal_parts(part) if isinstance(conjunct, Literal | Comparison)
+        )
         yield from solve_conditions((*_type_literals(parameters), *body), facts, bindings)
         return
     if not parameters:
@@ -352,4 +382,6 @@ def _bind_quantified(
         return
     first, rest = parameters[0], parameters[1:]
     for atom in list(facts.named(first.type)):
-        yield from _bind_quantified(rest, part, facts, {**bindings, first.variable: atom.arguments[0]})
+        yield from _bind_quantified(
+            rest, part, facts, {**bindings, first.variable: atom.arguments[0]}
+        )

@@ -34,9 +34,13 @@ class CausalLinks:
                 yield f"{_link_text(link)}: {wrong}"
 
     def idle(self) -> Iterator[str]:
-        """The links for a condition that their consumer does not depend on, and those for stages that are none."""
+        """The links for a condition that their consumer does not depend on, and those for
+        stages that are none.
+        """
         linked = CheckerFacts(
-            split_negation(link.condition)[0] for link in self.plan.plan.links if link.consumer == GOAL_STEP
+            split_negation(link.condition)[0]
+            for link in self.plan.plan.links
+            if link.consumer == GOAL_STEP
         )
         needs = {GOAL_STEP: _atoms_among(linked, self._needs_of_goals())}
         for link in self.plan.plan.links:
@@ -48,7 +52,9 @@ class CausalLinks:
             if user not in needs:
                 needs[user] = self._needs(self.plan.executed[user])
             atom, _ = split_negation(link.condition)
-            if atom not in needs[user] and all(matched(need, atom, {}) is None for need in needs[user]):
+            if atom not in needs[user] and all(
+                matched(need, atom, {}) is None for need in needs[user]
+            ):
                 yield f"{_link_text(link)}: the consumer does not need it"
 
     def lasts_until(self, atom: Atom, step: StepId) -> bool:
@@ -69,7 +75,9 @@ class CausalLinks:
             return "the producer does not achieve it"
         for executed in self._meddling(link, atom, positive):
             if self._destroys(executed, atom, positive):
-                return f"step {executed.step.id} {executed.step.operator} can come between and end it"
+                return (
+                    f"step {executed.step.id} {executed.step.operator} can come between and end it"
+                )
         return ""
 
     def _unordered(self, link: CausalLink) -> bool:
@@ -77,7 +85,9 @@ class CausalLinks:
         return between_steps and not self.plan.order.precedes(link.producer, link.consumer)
 
     def _stage(self, link: CausalLink) -> str:
-        """Why a link for the number of stages of a chain is wrong; the order of stages is checked for itself."""
+        """Why a link for the number of stages of a chain is wrong; the order of stages is
+        checked for itself.
+        """
         match link.condition:
             case Function(_, (Text(name), Number(reached))):
                 chain = next(
@@ -94,7 +104,9 @@ class CausalLinks:
             return "there is no such stage"
         if self._unordered(link):
             return "the producer is not ordered before the consumer"
-        return "" if self._reached(link.producer, chain, reached) else "the producer does not reach it"
+        return (
+            "" if self._reached(link.producer, chain, reached) else "the producer does not reach it"
+        )
 
     def _reached(self, producer: StepId, chain: Chain, reached: int) -> bool:
         """Whether a chain has so many stages because of a step, or from the start on."""
@@ -110,7 +122,9 @@ class CausalLinks:
         return any(reaches_stage(atom, part) for atom in done for part in stage_parts(stage))
 
     def _meddling(self, link: CausalLink, atom: Atom, positive: bool) -> Iterator[ExecutedStep]:
-        """The steps that may end the condition of a link and may come while it lasts, in their order."""
+        """The steps that may end the condition of a link and may come while it lasts, in their
+        order.
+        """
         first, last = self.plan.order.between(link.producer, link.consumer)
         lists = (self._denying[0].get(atom, ()), self._denying[1].get(atom.name, ()))
         places = lists if positive else (self._adding.get(atom, ()),)
@@ -122,18 +136,27 @@ class CausalLinks:
         }
         ends = self._ends(link)
         meddling.difference_update(ends)
-        return (self._executed[place] for place in sorted(meddling) if self._comes_between(place, *ends))
+        return (
+            self._executed[place] for place in sorted(meddling) if self._comes_between(place, *ends)
+        )
 
     def _ends(self, link: CausalLink) -> tuple[int, int]:
-        """The places of a link's producer and consumer; the start is before all places, the goal after them."""
+        """The places of a link's producer and consumer; the start is before all places, the
+        goal after them.
+        """
         place = self.plan.order.place
         last = len(place) if link.consumer == GOAL_STEP else place[link.consumer]
         return -1 if link.producer == INITIAL_STEP else place[link.producer], last
 
     def _comes_between(self, place: int, first: int, last: int) -> bool:
-        """Whether a step may come after the one at `first` and before the one at `last`. It waits only for steps at lower places."""
+        """Whether a step may come after the one at `first` and before the one at `last`.
+
+        It waits only for steps at lower places.
+        """
         before = self.plan.order.before
-        return not (place < first and before(place, first)) and not (place > last and before(last, place))
+        return not (place < first and before(place, first)) and not (
+            place > last and before(last, place)
+        )
 
     @cached_property
     def _executed(self) -> list[ExecutedStep]:
@@ -150,7 +173,9 @@ class CausalLinks:
 
     @cached_property
     def _denying(self) -> tuple[dict[Atom, list[int]], dict[str, list[int]]]:
-        """For each atom the places of the steps that deny just it; for each predicate those that may deny its atoms."""
+        """For each atom the places of the steps that deny just it; for each predicate those
+        that may deny its atoms.
+        """
         single: dict[Atom, list[int]] = {}
         any_of: dict[str, list[int]] = {}
         for place, executed in enumerate(self._executed):
@@ -159,7 +184,9 @@ class CausalLinks:
             }:
                 single.setdefault(pattern, []).append(place)
             for name in {
-                denial.pattern.name for denial in executed.change.denials if denial.consequence is not None
+                denial.pattern.name
+                for denial in executed.change.denials
+                if denial.consequence is not None
             }:
                 any_of.setdefault(name, []).append(place)
         return single, any_of
@@ -176,19 +203,33 @@ class CausalLinks:
     def _destroys(self, executed: ExecutedStep, atom: Atom, positive: bool) -> bool:
         if not positive:
             return atom in executed.change.adds
-        return atom not in executed.change.adds and executed.denies(atom, self.plan.semantics.statics)
+        return atom not in executed.change.adds and executed.denies(
+            atom, self.plan.semantics.statics
+        )
 
     def _needs(self, executed: ExecutedStep) -> set[Atom]:
-        """What a step depends on, as atoms or patterns: its conditions, what it ends with consequences, and the stages
-        that are reached with it because they hold already, or that it makes true in their turn.
+        """What a step depends on, as atoms or patterns: its conditions, what it ends with
+        consequences, and the stages that are reached with it because they hold already, or that it
+        makes true in their turn.
         """
-        conditions = [executed.operator.precondition, *(e.condition for e in executed.operator.effects)]
+        conditions = [
+            executed.operator.precondition,
+            *(e.condition for e in executed.operator.effects),
+        ]
         atoms = {
-            atom for condition in conditions for atom in self.plan.mentioned(condition, executed.bindings)
+            atom
+            for condition in conditions
+            for atom in self.plan.mentioned(condition, executed.bindings)
         }
-        held_stages = {atom for atom, steps in self._stages_held.items() if executed.step.id in steps}
+        held_stages = {
+            atom for atom, steps in self._stages_held.items() if executed.step.id in steps
+        }
         parts = {part for stage in self.stages.late for part in stage_parts(stage)}
-        late = {part for part in parts if any(reaches_stage(atom, part) for atom in executed.change.adds)}
+        late = {
+            part
+            for part in parts
+            if any(reaches_stage(atom, part) for atom in executed.change.adds)
+        }
         return atoms | executed.change.triggered | held_stages | late
 
     @cached_property
@@ -205,9 +246,16 @@ class CausalLinks:
         """What the goals mention, and the fluents that are stages, the last of which must stay."""
         problem = self.plan.problem
         fluents = {
-            name for name, predicate in problem.domain.predicates.items() if predicate.kind is Kind.FLUENT
+            name
+            for name, predicate in problem.domain.predicates.items()
+            if predicate.kind is Kind.FLUENT
         }
-        stages = {part for chain in problem.chains for stage in chain.stages for part in stage_parts(stage)}
+        stages = {
+            part
+            for chain in problem.chains
+            for stage in chain.stages
+            for part in stage_parts(stage)
+        }
         stages = {stage for stage in stages if stage.name in fluents}
         return {*self.plan.mentioned(problem.goal, {}), *stages}
 

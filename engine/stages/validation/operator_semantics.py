@@ -1,7 +1,7 @@
 """Semantics of operators: what a step does, taken from the domain (language, Meaning 2 to 7).
 
-The code works on sets of atoms and is plain on purpose. It deduces atom by atom, and it evaluates the rules of derived
-predicates in every state.
+The code works on sets of atoms and is plain on purpose. It deduces atom by atom, and it evaluates
+the rules of derived predicates in every state.
 """
 
 import copy
@@ -10,7 +10,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from cellwright.engine.stages.validation.checker_facts import CheckerFacts, CompletedFacts, EvaluatedFacts
+from cellwright.engine.stages.validation.checker_facts import (
+    CheckerFacts,
+    CompletedFacts,
+    EvaluatedFacts,
+)
 from cellwright.engine.stages.validation.condition_solving import Bindings, solve_conditions
 from cellwright.engine.stages.validation.prepared_operators import PreparedOperator
 from cellwright.engine.stages.validation.rule_derivation import RuleDerivation
@@ -30,7 +34,14 @@ from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.asp.static_program import type_guard
 from cellwright.kb.graphs import reachable_vertices, strong_components
 from cellwright.kb.loader.problem_amounts import amounts_of
-from cellwright.kb.model.conditions import Aggregate, Body, Condition, Literal, Parameter, literals_in
+from cellwright.kb.model.conditions import (
+    Aggregate,
+    Body,
+    Condition,
+    Literal,
+    Parameter,
+    literals_in,
+)
 from cellwright.kb.model.domain_model import Kind, Operator, Rule
 from cellwright.kb.model.operator_amounts import Amounts
 from cellwright.kb.model.planning_problem import Problem
@@ -39,9 +50,11 @@ from cellwright.kb.terms import Atom, Function, Term, substitute_atom
 
 @dataclass
 class Semantics:
-    """The static facts of a problem, evaluated once by clingo, and the meaning of its operators over them.
+    """The static facts of a problem, evaluated once by clingo, and the meaning of its operators
+    over them.
 
-    What static facts alone decide is remembered: whether steps exist, and what follows from an atom.
+    What static facts alone decide is remembered: whether steps exist, and what follows from an
+    atom.
     """
 
     problem: Problem
@@ -54,8 +67,8 @@ class Semantics:
     _fluents: dict[str, frozenset[str]] = field(default_factory=dict)
 
     def about(self, problem: Problem, state: State | None = None) -> "Semantics | None":
-        """The semantics of another problem with the same domain, objects and static facts; None if they
-        differ.
+        """The semantics of another problem with the same domain, objects and static facts; None if
+        they differ.
 
         The static facts are not evaluated again. `state` replaces the initial state of the problem.
         """
@@ -70,7 +83,8 @@ class Semantics:
         )
         if not same:
             return None
-        _ = self.statics, self.amounts, self._derivation, self._deductions  # made once for all these problems
+        # made once for all these problems
+        _ = self.statics, self.amounts, self._derivation, self._deductions
         shared = copy.copy(self)
         shared.problem, shared._start = problem, state
         return shared
@@ -85,7 +99,10 @@ class Semantics:
 
     @cached_property
     def statics(self) -> CheckerFacts:
-        """Every static fact, types included. Each body with aggregates gets a predicate of its own."""
+        """Every static fact, types included.
+
+        Each body with aggregates gets a predicate of its own.
+        """
         grounder = evaluate_statics(self.problem, self._aggregate_rules())
         return EvaluatedFacts(grounder.named, grounder.holds)
 
@@ -101,12 +118,16 @@ class Semantics:
         domain = self.problem.domain
         bodies = [(operator.body, operator.parameters) for operator in domain.operators]
         bodies += [
-            ((*d.body, *c.body), c.parameters) for d in domain.deductive_operators for c in d.consequences
+            ((*d.body, *c.body), c.parameters)
+            for d in domain.deductive_operators
+            for c in d.consequences
         ]
         bodies += [(default.body, default.parameters) for default in domain.defaults]
         for number, (body, parameters) in enumerate(bodies):
             if any(isinstance(part, Aggregate) for part in body):
-                head = Function(f"_where_{number}", tuple(parameter.variable for parameter in parameters))
+                head = Function(
+                    f"_where_{number}", tuple(parameter.variable for parameter in parameters)
+                )
                 yield f"{head} :- {', '.join([*type_guard(parameters), *map(str, body)])}."
                 self._where[body] = (Literal(head),)
 
@@ -126,13 +147,18 @@ class Semantics:
         return facts
 
     def layer(self, state: Iterable[Atom] | CheckerFacts) -> CheckerFacts:
-        """A state as facts on top of the static facts. `Facts.after` makes the next state with less work."""
+        """A state as facts on top of the static facts.
+
+        `Facts.after` makes the next state with less work.
+        """
         return state if isinstance(state, CheckerFacts) else CheckerFacts(state, self.statics)
 
     def bounds(
         self, certain: Iterable[Atom], possible: Iterable[Atom] | CheckerFacts
     ) -> tuple[CheckerFacts, CheckerFacts]:
-        """What is true in every state between two sets of atoms, and what can be true, with derived atoms."""
+        """What is true in every state between two sets of atoms, and what can be true, with
+        derived atoms.
+        """
 
         def complete(name: str) -> None:
             behind = self._behind(name)
@@ -149,12 +175,16 @@ class Semantics:
 
     @cached_property
     def _derivation(self) -> RuleDerivation:
-        dynamic = {name for name, kind in self._kinds.items() if kind in (Kind.FLUENT, Kind.DERIVED)}
+        dynamic = {
+            name for name, kind in self._kinds.items() if kind in (Kind.FLUENT, Kind.DERIVED)
+        }
         return RuleDerivation(self.strata, self.statics, dynamic)
 
     @cached_property
     def strata(self) -> list[list[Rule]]:
-        """The rules of derived predicates, in an order in which a negated predicate comes before its users."""
+        """The rules of derived predicates, in an order in which a negated predicate comes
+        before its users.
+        """
         return [
             [rule for name in sorted(part) for rule in self._rules[name]]
             for part in strong_components(self._uses)
@@ -165,7 +195,10 @@ class Semantics:
         graph: dict[str, list[str]] = {}
         for name, rules in self._rules.items():
             used = (
-                literal.atom.name for rule in rules for part in rule.body for literal in literals_in(part)
+                literal.atom.name
+                for rule in rules
+                for part in rule.body
+                for literal in literals_in(part)
             )
             graph[name] = [used_name for used_name in used if used_name in self._rules]
         return graph
@@ -175,7 +208,9 @@ class Semantics:
         return set(reachable_vertices(self._uses, name))
 
     def fluents_behind(self, name: str) -> frozenset[str]:
-        """The fluents that a predicate depends on: the predicate itself, or those that its rules lead to."""
+        """The fluents that a predicate depends on: the predicate itself, or those that its
+        rules lead to.
+        """
         if name not in self._fluents:
             self._fluents[name] = frozenset(self._fluents_of(name))
         return self._fluents[name]
@@ -223,7 +258,9 @@ class Semantics:
         return sorted(instances, key=str)
 
     def binding(self, step: Function) -> tuple[Operator, Bindings] | str:
-        """The operator of a step and the values of its parameters; a text with the reason if there are none."""
+        """The operator of a step and the values of its parameters; a text with the reason if
+        there are none.
+        """
         if step not in self._bound:
             remember_value(self._bound, step, self._binding(step))
         return self._bound[step]
@@ -247,7 +284,11 @@ class Semantics:
         return self._demands[step]
 
     def change(
-        self, operator: Operator, bindings: Bindings, facts: CheckerFacts, state: State | CheckerFacts
+        self,
+        operator: Operator,
+        bindings: Bindings,
+        facts: CheckerFacts,
+        state: State | CheckerFacts,
     ) -> CheckedChange:
         """What a step does in a state; `facts` is the state with its derived atoms."""
         effects = self._effects(operator, bindings, facts)
@@ -256,7 +297,10 @@ class Semantics:
         return replace(self.deduce(effects.added, effects.denials, state), events=effects.events)
 
     def _effects(self, operator: Operator, bindings: Bindings, facts: CheckerFacts) -> StepEffects:
-        prepared, values = self._prepared(operator), [bindings[variable] for variable in operator.variables]
+        prepared, values = (
+            self._prepared(operator),
+            [bindings[variable] for variable in operator.variables],
+        )
         if not prepared.unconditional:
             return effects_of(prepared.fired(facts, values), self._kinds)
         key = Function(operator.name, tuple(values))
@@ -310,6 +354,10 @@ class Semantics:
                         waiting += following.added
                         fresh += following.denied
         deduced = [denial for denial in denials if denial.deduced]
-        contradiction = next((a for a in adds if any(d.matches(a, self.statics) for d in deduced)), None)
+        contradiction = next(
+            (a for a in adds if any(d.matches(a, self.statics) for d in deduced)), None
+        )
         ends = frozenset(atom for atom in ended if atom not in adds)
-        return CheckedChange(frozenset(adds), ends, tuple(denials), frozenset(triggered), contradiction)
+        return CheckedChange(
+            frozenset(adds), ends, tuple(denials), frozenset(triggered), contradiction
+        )

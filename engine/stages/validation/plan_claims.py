@@ -21,7 +21,9 @@ def false_claims(problem: Problem, plan: Plan, claims: Claims) -> Iterator[str]:
         yield f"the makespan is {last}, so it is less than its lower bound {claims.bound}"
     if claims.cost not in (None, plan.cost):
         yield f"the cost is {plan.cost}, not {claims.cost}"
-    if claims.histories and claims.histories != (done := _computed_histories(problem, plan, starts)):
+    if claims.histories and claims.histories != (
+        done := _computed_histories(problem, plan, starts)
+    ):
         wrong = [history for history in claims.histories if history not in done]
         yield (
             f"the history of {wrong[0].chain} has no {_history_text(wrong[0])}"
@@ -56,12 +58,17 @@ def _report_early_starts(plan: Plan, starts: Times) -> Iterator[str]:
         for before in step.after:
             end = starts[before] + steps_by_id[before].duration
             if start < end:
-                yield f"step {step.id} {step.operator} starts at {start}, but step {before} ends at {end}"
+                yield (
+                    f"step {step.id} {step.operator} starts at {start}, but step {before} ends "
+                    f"at {end}"
+                )
 
 
 def _computed_histories(problem: Problem, plan: Plan, starts: Times) -> tuple[Happened, ...]:
     return tuple(
-        Happened(history.chain, str(happening.stage), happening.step, happening.start, happening.duration)
+        Happened(
+            history.chain, str(happening.stage), happening.step, happening.start, happening.duration
+        )
         for history in object_histories(problem, plan, starts)
         for happening in history.happenings
     )

@@ -41,7 +41,9 @@ RELATION_FUNCTIONS: Mapping[str, Callable[[int, int], bool]] = {
 
 
 def term_writer(term: Term, places: Places) -> Value:
-    """The function that writes a term with the values of its variables; those without a place stay."""
+    """The function that writes a term with the values of its variables; those without a place
+    stay.
+    """
     if term in places:
         return operator.itemgetter(places[term])
     variable_places = tuple(
@@ -53,7 +55,9 @@ def term_writer(term: Term, places: Places) -> Value:
 
 
 def value_function(term: Term, places: Places, exact: bool) -> Value:
-    """The function that gives the value of a term, all of whose variables have places; None if it has no value."""
+    """The function that gives the value of a term, all of whose variables have places; None if
+    it has no value.
+    """
     plain, sum_ = term_writer(term, places), number_function(term, places, exact)
 
     def value(slots: Slots) -> Term | None:
@@ -78,13 +82,19 @@ def comparison_test(part: Comparison, places: Places) -> Test:
         if low is not None and high is not None:
             return related(low, high)
         first, second = (writer(slots) for writer in writers)
-        return first is not None and second is not None and compare_terms(first, relation, second, exact)
+        return (
+            first is not None
+            and second is not None
+            and compare_terms(first, relation, second, exact)
+        )
 
     return test
 
 
 def number_function(term: Term, places: Places, exact: bool) -> Callable[[Slots], int | None]:
-    """The function that gives the value of a sum of numbers; None if the term is none, or a value in it is no number."""
+    """The function that gives the value of a sum of numbers; None if the term is none, or a
+    value in it is no number.
+    """
     weights: Weights = {}
     constant = _collect_weights(term, places, 1, weights)
     if constant is None:
@@ -111,7 +121,8 @@ def _sum_function(
 
 
 def _collect_weights(term: Term, places: Places, factor: int, weights: Weights) -> int | None:
-    """Count what a term adds to a sum: its constant part, and weights of places. None if it is no sum.
+    """Count what a term adds to a sum: its constant part, and weights of places. None if it is no
+    sum.
 
     Sums, differences and products wrap around alike, whether each of them does or the last alone.
     """
@@ -133,15 +144,22 @@ def _collect_weights(term: Term, places: Places, factor: int, weights: Weights) 
 
 Made = Callable[[Slots], Atom]
 Question = tuple[str, int, tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]
-"""A predicate, the number of its arguments, those of them that are in places of the list, and pairs of equal ones."""
+"""A predicate, the number of its arguments, those of them that are in places of the list, and
+pairs of equal ones.
+"""
 
 
 class SlotScope:
-    """Places for parameters, constants and variables. Scopes inside one another share the list, not the names."""
+    """Places for parameters, constants and variables.
+
+    Scopes inside one another share the list, not the names.
+    """
 
     def __init__(self, parameters: Sequence[Variable]) -> None:
         self.parameters = tuple(parameters)
-        self.places: dict[Term, int] = {parameter: place for place, parameter in enumerate(parameters)}
+        self.places: dict[Term, int] = {
+            parameter: place for place, parameter in enumerate(parameters)
+        }
         self._more: list[Term | None] = []
         self._kept: dict[Question, int] = {}
 
@@ -172,7 +190,9 @@ class SlotScope:
         return len(self.parameters) + len(self._more) - 1
 
     def kept(self, question: Question) -> int | None:
-        """The place of the facts that answer a question; None if that depends on more than parameters."""
+        """The place of the facts that answer a question; None if that depends on more than
+        parameters.
+        """
         if any(place >= len(self.parameters) for _, place in question[2]):
             return None
         if question not in self._kept:
@@ -211,7 +231,9 @@ class Unprepared(Exception):
 
 
 class LookupPattern(NamedTuple):
-    """What facts are looked up: the places of arguments that are known and of those that become known, and equal arguments."""
+    """What facts are looked up: the places of arguments that are known and of those that become
+    known, and equal arguments.
+    """
 
     name: str
     arity: int
@@ -222,7 +244,10 @@ class LookupPattern(NamedTuple):
 
 
 def lookup_link(atom: Atom, scope: SlotScope) -> Link:
-    """Each fact that matches an atom, in the order of `Facts.matching`. Raises `Unprepared` for patterns inside arguments."""
+    """Each fact that matches an atom, in the order of `Facts.matching`.
+
+    Raises `Unprepared` for patterns inside arguments.
+    """
     known_places, new, same = Pairs(), dict[Term, int](), Pairs()
     for at, argument in enumerate(atom.arguments):
         if argument in new:
@@ -236,7 +261,9 @@ def lookup_link(atom: Atom, scope: SlotScope) -> Link:
     places = [(at, scope.place(variable)) for variable, at in new.items()]
     own = scope.place(atom) if ANYTHING not in atom.arguments else None
     pattern = LookupPattern(atom.name, len(atom.arguments), known_places, places, same, own)
-    return _match_link(pattern, scope.kept((pattern.name, pattern.arity, tuple(known_places), tuple(same))))
+    return _match_link(
+        pattern, scope.kept((pattern.name, pattern.arity, tuple(known_places), tuple(same)))
+    )
 
 
 def _match_link(pattern: LookupPattern, slot: int | None) -> Link:

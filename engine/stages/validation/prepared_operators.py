@@ -1,6 +1,7 @@
 """Prepared operators: preconditions and effects as functions over one list of terms, made once.
 
-What is no conjunction of literals and comparisons is evaluated as `datalog` does it, which is the meaning of all of it.
+What is no conjunction of literals and comparisons is evaluated as `datalog` does it, which is the
+meaning of all of it.
 """
 
 from collections.abc import Callable, Iterable
@@ -82,14 +83,17 @@ class PreparedOperator:
         except Unprepared:
             bindings_of = self._scope.bindings
             return PreparedConjunct(
-                condition, lambda facts, slots: condition_holds(condition, facts, bindings_of(slots))
+                condition,
+                lambda facts, slots: condition_holds(condition, facts, bindings_of(slots)),
             )
 
     def _effect(self, effect: Effect) -> Fires:
         once = bool(effect.parameters) or effect.condition != ALWAYS_TRUE
         scope = self._scope.inner()
         try:
-            chain = _condition_link(effect.parameters, effect.condition, scope) if once else _to_next
+            chain = (
+                _condition_link(effect.parameters, effect.condition, scope) if once else _to_next
+            )
         except Unprepared:
             return self._plain(effect)
         atom_of, adds, fired_place = scope.atom(effect.atom), effect.adds, self._found
@@ -105,7 +109,9 @@ class PreparedOperator:
 
         def fire(facts: CheckerFacts, slots: Slots) -> None:
             ways = bind_parameters(effect.parameters, effect.condition, facts, bindings_of(slots))
-            slots[fired_place].extend((substitute_atom(effect.atom, way), effect.adds, True) for way in ways)
+            slots[fired_place].extend(
+                (substitute_atom(effect.atom, way), effect.adds, True) for way in ways
+            )
 
         return fire
 
@@ -136,7 +142,9 @@ def _of_values(test: Test) -> Holds:
     return lambda _, slots: test(slots)
 
 
-def _condition_link(parameters: tuple[Parameter, ...], condition: Condition, scope: SlotScope) -> Link:
+def _condition_link(
+    parameters: tuple[Parameter, ...], condition: Condition, scope: SlotScope
+) -> Link:
     """A function that meets a condition in every way. Raises `Unprepared`."""
     if not parameters:
         parts = [_conjunct_test(conjunct, scope.inner()) for conjunct in goal_parts(condition)]
@@ -159,7 +167,11 @@ def _condition_link(parameters: tuple[Parameter, ...], condition: Condition, sco
 def _part_link(part: BodyPart, scope: SlotScope) -> Link:
     match part:
         case Literal(atom, True):
-            return _test_link(_conjunct_test(part, scope)) if scope.knows(atom) else lookup_link(atom, scope)
+            return (
+                _test_link(_conjunct_test(part, scope))
+                if scope.knows(atom)
+                else lookup_link(atom, scope)
+            )
         case Comparison(left, relation, right):
             if scope.knows(left) and scope.knows(right):
                 return _test_link(_conjunct_test(part, scope))

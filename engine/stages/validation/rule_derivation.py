@@ -19,7 +19,8 @@ from cellwright.kb.terms import Atom, is_ground, match_term, substitute_atom
 class _Stratum:
     """The rules of predicates that depend on one another, and their instances.
 
-    The head of an instance follows where all that it needs is true and all that it excludes is false. Atoms are numbers of `tables`.
+    The head of an instance follows where all that it needs is true and all that it excludes is
+    false. Atoms are numbers of `tables`.
     """
 
     tables: AtomTables
@@ -50,7 +51,8 @@ class _Stratum:
 
 
 class RuleDerivation:
-    """The rules of a domain in strata, over static facts; `dynamic` are the predicates that can change.
+    """The rules of a domain in strata, over static facts; `dynamic` are the predicates that can
+    change.
 
     A state that has atoms which no state before had makes more instances of rules.
     """
@@ -64,20 +66,30 @@ class RuleDerivation:
         self._started = False
         rules = [rule for stratum in strata for rule in stratum]
         heads = frozenset[str]().union(*(stratum.heads for stratum in self._strata))
-        read = {literal.atom.name for rule in rules for part in rule.body for literal in literals_in(part)}
+        read = {
+            literal.atom.name
+            for rule in rules
+            for part in rule.body
+            for literal in literals_in(part)
+        }
         self._read = sorted(name for name in read - heads if name in dynamic)
 
     def add(self, state: CheckerFacts, names: Set[str] | None = None) -> None:
         """Add to a state, which has fluents only, the derived atoms that follow.
 
-        With `names` only those of these predicates, of which all that they depend on are among them, or were added before.
+        With `names` only those of these predicates, of which all that they depend on are among
+        them, or were added before.
         """
         self._meet(state)
         for place in self._places(names):
             self._fill(place, state, state)
 
-    def bound(self, lower: CheckerFacts, upper: CheckerFacts, names: Set[str] | None = None) -> None:
-        """Add to `lower` what follows in every state between two sets of fluents, and to `upper` what follows in some."""
+    def bound(
+        self, lower: CheckerFacts, upper: CheckerFacts, names: Set[str] | None = None
+    ) -> None:
+        """Add to `lower` what follows in every state between two sets of fluents, and to
+        `upper` what follows in some.
+        """
         self._meet(upper)
         for place in self._places(names):
             self._fill(place, lower, upper)
@@ -86,13 +98,19 @@ class RuleDerivation:
     def _places(self, names: Set[str] | None) -> list[int]:
         """The places of the strata that have rules of some predicates."""
         every = range(len(self._strata))
-        return [place for place in every if names is None or not names.isdisjoint(self._strata[place].heads)]
+        return [
+            place
+            for place in every
+            if names is None or not names.isdisjoint(self._strata[place].heads)
+        ]
 
     def _fill(self, place: int, facts: CheckerFacts, judge: CheckerFacts) -> None:
         """Add everything that follows by one stratum; `judge` decides what is false."""
         stratum = self._strata[place]
         _spread_facts(stratum, facts, judge)
-        while fresh := [head for head in _aggregate_heads(stratum, facts, judge) if facts.put(head)]:
+        while fresh := [
+            head for head in _aggregate_heads(stratum, facts, judge) if facts.put(head)
+        ]:
             new = [number for head in fresh if (number := self._tables.told(head)) is not None]
             for later in self._strata[place:] if new else ():
                 new += self._instantiate(later, new)
@@ -109,7 +127,10 @@ class RuleDerivation:
             self._started = True
 
     def _instantiate(self, stratum: _Stratum, fresh: Sequence[int]) -> list[int]:
-        """Make the instances that have a new atom among what they need. Returns the derived atoms that are new."""
+        """Make the instances that have a new atom among what they need.
+
+        Returns the derived atoms that are new.
+        """
         numbers: list[int] = []
         waiting = list(fresh)
         if not self._started:
@@ -132,7 +153,10 @@ class RuleDerivation:
     def _note(
         self, stratum: _Stratum, join: RuleJoin, fresh: Sequence[Row], new: Collection[int]
     ) -> list[int]:
-        """Keep the instances of a rule that have one of some new atoms. Returns the heads that are new."""
+        """Keep the instances of a rule that have one of some new atoms.
+
+        Returns the heads that are new.
+        """
         heads = []
         for head, needs, excludes in join.instances(fresh, new):
             number, is_new = self._tables.entered(join.head, head)
@@ -143,10 +167,16 @@ class RuleDerivation:
 
 
 def _make_stratum(rules: Sequence[Rule], tables: AtomTables) -> _Stratum:
-    counting = [rule for rule in rules if any(isinstance(part, StateAggregate) for part in rule.body)]
-    stratum_joins = [join for rule in rules if rule not in counting for join in make_joins(rule, tables)]
+    counting = [
+        rule for rule in rules if any(isinstance(part, StateAggregate) for part in rule.body)
+    ]
+    stratum_joins = [
+        join for rule in rules if rule not in counting for join in make_joins(rule, tables)
+    ]
     read = sorted({join.table.name for join in stratum_joins if join.table is not None})
-    return _Stratum(tables, counting, frozenset(rule.head.name for rule in rules), stratum_joins, read)
+    return _Stratum(
+        tables, counting, frozenset(rule.head.name for rule in rules), stratum_joins, read
+    )
 
 
 def _aggregate_heads(stratum: _Stratum, facts: CheckerFacts, judge: CheckerFacts) -> list[Atom]:
@@ -159,7 +189,9 @@ def _aggregate_heads(stratum: _Stratum, facts: CheckerFacts, judge: CheckerFacts
 
 
 def _spread_facts(stratum: _Stratum, facts: CheckerFacts, judge: CheckerFacts) -> None:
-    """Add everything that follows by the instances of one stratum; `judge` decides what is false."""
+    """Add everything that follows by the instances of one stratum; `judge` decides what is
+    false.
+    """
     users, tables = stratum.users, stratum.tables
     missing, waiting = stratum.counts.copy(), stratum.free.copy()
     for name in stratum.read:
@@ -169,7 +201,9 @@ def _spread_facts(stratum: _Stratum, facts: CheckerFacts, judge: CheckerFacts) -
     while waiting:
         number = waiting.pop()
         head = stratum.followers[number]
-        if head not in done and not any(_is_among(atom, judge) for atom in stratum.excludes[number]):
+        if head not in done and not any(
+            _is_among(atom, judge) for atom in stratum.excludes[number]
+        ):
             done.add(head)
             if facts.put(tables.atom(head)):
                 _count_met(users.get(head, ()), missing, waiting)

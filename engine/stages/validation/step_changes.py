@@ -1,4 +1,6 @@
-"""Changes of a step in the checker: what its operator alone tells, and what follows by deduction."""
+"""Changes of a step in the checker: what its operator alone tells, and what follows by
+deduction.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -29,8 +31,8 @@ State = frozenset[Atom]
 class Denial:
     """The atoms that match `pattern` under `body` become false.
 
-    A step may not add an atom that a `deduced` denial denies. A denial without `consequence` comes from no
-    deductive operator. Its pattern is one ground atom.
+    A step may not add an atom that a `deduced` denial denies. A denial without `consequence` comes
+    from no deductive operator. Its pattern is one ground atom.
     """
 
     pattern: Atom
@@ -54,13 +56,16 @@ class Denial:
         match_bindings = match_term(self.pattern, atom, dict(self.bindings))
         if match_bindings is None or not well_typed(self.consequence, match_bindings, statics):
             return False
-        return not self.body or next(solve_conditions(self.body, statics, match_bindings), None) is not None
+        return (
+            not self.body
+            or next(solve_conditions(self.body, statics, match_bindings), None) is not None
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedChange:
-    """What a step does in one state: the atoms that it adds, the atoms of that state that end, and all that
-    it denies.
+    """What a step does in one state: the atoms that it adds, the atoms of that state that end, and
+    all that it denies.
     """
 
     adds: State
@@ -93,7 +98,9 @@ class StepDemands(NamedTuple):
 
 
 class StepEffects(NamedTuple):
-    """The effects of a step, in their order: atoms that it adds, those that it denies by itself, and its events."""
+    """The effects of a step, in their order: atoms that it adds, those that it denies by
+    itself, and its events.
+    """
 
     added: tuple[Atom, ...]
     denials: tuple[Denial, ...]
@@ -102,13 +109,19 @@ class StepEffects(NamedTuple):
 
 def has_unconditional_effects(operator: Operator) -> bool:
     """Whether the effects of an operator are the same in all states."""
-    return all(effect.condition == ALWAYS_TRUE and not effect.parameters for effect in operator.effects)
+    return all(
+        effect.condition == ALWAYS_TRUE and not effect.parameters for effect in operator.effects
+    )
 
 
 def demands_of(operator: Operator, bindings: Bindings, amounts: Amounts) -> StepDemands:
     """The demands of a step. Raises `NoAmount`."""
-    resources = tuple([evaluate_term(substitute_term(resource, bindings)) for resource in operator.resources])
-    return StepDemands(resources, amounts.lasting(operator, bindings), amounts.of(operator.cost, bindings, 1))
+    resources = tuple(
+        [evaluate_term(substitute_term(resource, bindings)) for resource in operator.resources]
+    )
+    return StepDemands(
+        resources, amounts.lasting(operator, bindings), amounts.of(operator.cost, bindings, 1)
+    )
 
 
 def effects_of(fired: Iterable[Fired], kinds: Mapping[str, Kind]) -> StepEffects:
@@ -150,10 +163,16 @@ class AtomConsequences(NamedTuple):
 
 
 class StaticDeductions:
-    """The deductive operators of a domain, over static facts. `where` replaces bodies that clingo has evaluated."""
+    """The deductive operators of a domain, over static facts.
+
+    `where` replaces bodies that clingo has evaluated.
+    """
 
     def __init__(
-        self, operators: Iterable[DeductiveOperator], statics: CheckerFacts, where: Mapping[Body, Body]
+        self,
+        operators: Iterable[DeductiveOperator],
+        statics: CheckerFacts,
+        where: Mapping[Body, Body],
     ) -> None:
         self._triggers: dict[tuple[str, bool], list[DeductiveOperator]] = defaultdict(list)
         for operator in operators:
@@ -185,13 +204,19 @@ class StaticDeductions:
                 if consequence.implied:
                     added += self._implied(consequence, body, bindings)
                 elif well_typed(consequence, bindings, self._statics):
-                    denied.append(Denial(consequence.atom, body, tuple(bindings.items()), consequence))
+                    denied.append(
+                        Denial(consequence.atom, body, tuple(bindings.items()), consequence)
+                    )
         return AtomConsequences(tuple(added), tuple(denied))
 
     def _implied(self, consequence: Consequence, body: Body, bindings: Bindings) -> Iterator[Atom]:
-        open_ = {variable for variable in term_variables(consequence.atom) if variable not in bindings}
+        open_ = {
+            variable for variable in term_variables(consequence.atom) if variable not in bindings
+        }
         typed = tuple(
-            Literal(Function(p.type, (p.variable,))) for p in consequence.parameters if p.variable in open_
+            Literal(Function(p.type, (p.variable,)))
+            for p in consequence.parameters
+            if p.variable in open_
         )
         for solution in solve_conditions((*typed, *body), self._statics, bindings):
             if well_typed(consequence, solution, self._statics):

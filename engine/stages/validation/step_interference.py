@@ -51,11 +51,16 @@ class ExecutedStep:
     @cached_property
     def denied(self) -> State:
         """The single ground atoms that the step denies."""
-        return frozenset(denial.pattern for denial in self.change.denials if denial.consequence is None)
+        return frozenset(
+            denial.pattern for denial in self.change.denials if denial.consequence is None
+        )
 
     @cached_property
     def deductions(self) -> tuple[Denial, ...]:
-        """The denials that come from deductive operators. Each denies every atom that matches it."""
+        """The denials that come from deductive operators.
+
+        Each denies every atom that matches it.
+        """
         return tuple(denial for denial in self.change.denials if denial.consequence is not None)
 
     @cached_property
@@ -71,20 +76,23 @@ class ExecutedStep:
     def changes(self, pattern: Atom) -> bool:
         """Whether the step changes an atom that matches a pattern."""
         return any(
-            match_term(pattern, atom, {}) is not None for atom in self.changed.get(_changed_key(pattern), ())
+            match_term(pattern, atom, {}) is not None
+            for atom in self.changed.get(_changed_key(pattern), ())
         )
 
     def denies(self, atom: Atom, statics: CheckerFacts) -> bool:
         """Whether the step denies an atom. The atom need not be true at the moment."""
-        return atom in self.denied or any(deduction.matches(atom, statics) for deduction in self.deductions)
+        return atom in self.denied or any(
+            deduction.matches(atom, statics) for deduction in self.deductions
+        )
 
 
 @dataclass
 class StepReads:
     """What must not change while a step runs.
 
-    Atoms in `true` must not become false, and atoms in `false` must not become true. Atoms that match a
-    pattern in `watched` must not change at all.
+    Atoms in `true` must not become false, and atoms in `false` must not become true. Atoms that
+    match a pattern in `watched` must not change at all.
     """
 
     true: set[Atom] = field(default_factory=set)
@@ -102,7 +110,9 @@ class MentionedAtoms(NamedTuple):
 
 @dataclass
 class StepInterference:
-    """The executed steps of a plan in their canonical order, and which of them come before which."""
+    """The executed steps of a plan in their canonical order, and which of them come before
+    which.
+    """
 
     problem: Problem
     plan: Plan
@@ -127,7 +137,10 @@ class StepInterference:
             return TouchedKeys(
                 *map(
                     frozenset,
-                    (_changed_keys(executed), _exposed_keys(executed, reads[executed.step.id], deduced)),
+                    (
+                        _changed_keys(executed),
+                        _exposed_keys(executed, reads[executed.step.id], deduced),
+                    ),
                 )
             )
 
@@ -140,7 +153,8 @@ class StepInterference:
                 yield f"steps {earlier.step.id} and {later.step.id} are unordered, but {problem}"
 
     def _regions(self, executed: ExecutedStep) -> set[Region]:
-        """The regions that a step may touch: what it holds and changes, and all that it may depend on.
+        """The regions that a step may touch: what it holds and changes, and all that it may depend
+        on.
 
         Atoms end only where the step denies them.
         """
@@ -158,20 +172,31 @@ class StepInterference:
         regions.update([("", resource) for resource in executed.step.resources])
         return regions
 
-    def _conflict(self, first: ExecutedStep, second: ExecutedStep, reads: dict[StepId, StepReads]) -> str:
+    def _conflict(
+        self, first: ExecutedStep, second: ExecutedStep, reads: dict[StepId, StepReads]
+    ) -> str:
         """How `one` disturbs `other`; an empty text if it does not."""
-        if first.step.resources and (shared := set(first.step.resources) & set(second.step.resources)):
+        if first.step.resources and (
+            shared := set(first.step.resources) & set(second.step.resources)
+        ):
             return f"both hold {min(map(str, shared))}"
         needed = reads[second.step.id]
         if denied := self._denied(first, (needed.true, second.change.adds)):
-            return f"{first.step.operator} denies {min(map(str, denied))}, which {second.step.operator} needs or adds"
+            return (
+                f"{first.step.operator} denies {min(map(str, denied))}, which "
+                f"{second.step.operator} needs or adds"
+            )
         added = needed.false & first.change.adds
         if added:
             return (
-                f"{first.step.operator} adds {min(map(str, added))}, which {second.step.operator} needs false"
+                f"{first.step.operator} adds {min(map(str, added))}, which "
+                f"{second.step.operator} needs false"
             )
         if changed := [str(pattern) for pattern in needed.watched if first.changes(pattern)]:
-            return f"{first.step.operator} changes {min(changed)}, which {second.step.operator} depends on"
+            return (
+                f"{first.step.operator} changes {min(changed)}, which {second.step.operator} "
+                "depends on"
+            )
         return ""
 
     def _denied(self, executed: ExecutedStep, exposed: Sequence[Set[Atom]]) -> set[Atom]:
@@ -181,10 +206,14 @@ class StepInterference:
             return {atom for atom in atoms if executed.denies(atom, self.semantics.statics)}
         if all(map(executed.denied.isdisjoint, exposed)):
             return set()
-        return {atom for atoms in exposed for atom in executed.denied & atoms} - executed.change.adds
+        return {
+            atom for atoms in exposed for atom in executed.denied & atoms
+        } - executed.change.adds
 
     def _reads(self, executed: ExecutedStep) -> StepReads:
-        """What a step depends on: its causal links if they prove the precondition, else all that it mentions."""
+        """What a step depends on: its causal links if they prove the precondition, else all
+        that it mentions.
+        """
         reads = StepReads(watched=set(executed.change.triggered))
         for link in self._links_to.get(executed.step.id, ()):
             if not counts_stages(link.condition):
@@ -199,22 +228,31 @@ class StepInterference:
         return reads
 
     def _mentioned(self, executed: ExecutedStep) -> MentionedAtoms:
-        """What the conditions of a step can depend on. All steps that are the same have the same."""
+        """What the conditions of a step can depend on.
+
+        All steps that are the same have the same.
+        """
         mentioned = self._of_steps.get(executed.step.operator)
         if mentioned is None:
             operator, bindings = executed.operator, executed.bindings
-            conditions = [e.condition for e in operator.effects if e.condition != ALWAYS_TRUE or e.parameters]
-            effects = {atom for condition in conditions for atom in self.mentioned(condition, bindings)}
+            conditions = [
+                e.condition for e in operator.effects if e.condition != ALWAYS_TRUE or e.parameters
+            ]
+            effects = {
+                atom for condition in conditions for atom in self.mentioned(condition, bindings)
+            }
             needed = set(self.mentioned(operator.precondition, bindings))
-            mentioned = MentionedAtoms(effects, needed, frozenset(map(_pattern_region, effects | needed)))
+            mentioned = MentionedAtoms(
+                effects, needed, frozenset(map(_pattern_region, effects | needed))
+            )
             self._of_steps[executed.step.operator] = mentioned
         return mentioned
 
     def _proved(self, condition: Condition, bindings: Bindings, reads: StepReads) -> bool:
         """Whether the causal links make the condition true in every state that agrees with them.
 
-        Bounds on what is true are tried first. If they are too coarse and few atoms are open, every such
-        state is tried.
+        Bounds on what is true are tried first. If they are too coarse and few atoms are open, every
+        such state is tried.
         """
         if condition == ALWAYS_TRUE:
             return True
@@ -268,7 +306,9 @@ class StepInterference:
 
 
 def _changed_keys(executed: ExecutedStep) -> Iterator[Key]:
-    """What a step changes: resources that it holds, atoms that it denies or adds, and patterns of what it changes."""
+    """What a step changes: resources that it holds, atoms that it denies or adds, and patterns
+    of what it changes.
+    """
     yield from (("held", resource) for resource in executed.step.resources)
     yield from (("true", atom) for atom in executed.denied)
     yield from (("of", deduction.pattern.name) for deduction in executed.deductions)
@@ -277,7 +317,10 @@ def _changed_keys(executed: ExecutedStep) -> Iterator[Key]:
 
 
 def _exposed_keys(executed: ExecutedStep, reads: StepReads, deduced: bool) -> Iterator[Key]:
-    """Where others can disturb a step: each is among what they change, if they do. Whether any step denies by deduction is known."""
+    """Where others can disturb a step: each is among what they change, if they do.
+
+    Whether any step denies by deduction is known.
+    """
     yield from (("held", resource) for resource in executed.step.resources)
     for atom in (*reads.true, *executed.change.adds):
         yield "true", atom
@@ -307,7 +350,9 @@ def atom_pattern(problem: Problem, name: str) -> Atom:
 
 
 def split_negation(condition: Atom) -> tuple[Atom, bool]:
-    """The atom of a condition, and whether it must be true: `not(p)` is the condition that p is false."""
+    """The atom of a condition, and whether it must be true: `not(p)` is the condition that p is
+    false.
+    """
     if (
         condition.name == "not"
         and len(condition.arguments) == 1

@@ -1,7 +1,8 @@
 """Precedence of the steps of a plan, and unordered pairs of steps that could disturb each other.
 
-Steps are numbered by their place in the list. The predecessors of a step are all places below a mark, and some beyond it. In
-a plan that is nearly a sequence the mark is near the step, so little is kept, and few steps can come between two others.
+Steps are numbered by their place in the list. The predecessors of a step are all places below a
+mark, and some beyond it. In a plan that is nearly a sequence the mark is near the step, so little
+is kept, and few steps can come between two others.
 """
 
 from bisect import bisect_right
@@ -13,7 +14,9 @@ from cellwright.kb.terms import ANYTHING, Term
 
 
 class StepPrecedence:
-    """The order of the steps of a plan in which each step waits only for steps before it in the list."""
+    """The order of the steps of a plan in which each step waits only for steps before it in the
+    list.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self.ids = [step.id for step in plan.steps]
@@ -54,7 +57,9 @@ class StepPrecedence:
         return first < mark or bool(self._beyond[second] >> (first - mark) & 1)
 
     def free(self, place: int) -> tuple[int, int]:
-        """The steps before a place in the list that are not ordered before it: as bits, from a first place on, which comes first."""
+        """The steps before a place in the list that are not ordered before it: as bits, from a
+        first place on, which comes first.
+        """
         mark = self._below[place]
         return mark, ~self._beyond[place] & ((1 << place - mark) - 1)
 
@@ -73,9 +78,15 @@ class StepPrecedence:
         return [place for place, bit in enumerate(bin(partners)[:1:-1]) if bit == "1"]
 
     def between(self, producer: StepId, consumer: StepId) -> tuple[int, int]:
-        """The first place, and the one after the last place, of all steps that some order puts between two steps."""
+        """The first place, and the one after the last place, of all steps that some order puts
+        between two steps.
+        """
         first = 0 if producer == INITIAL_STEP else self._below[self.place[producer]]
-        last = len(self.ids) if consumer == GOAL_STEP else bisect_right(self._least, self.place[consumer])
+        last = (
+            len(self.ids)
+            if consumer == GOAL_STEP
+            else bisect_right(self._least, self.place[consumer])
+        )
         return first, last
 
 
@@ -84,20 +95,29 @@ Known = dict[Hashable, tuple[int, int]]
 
 
 Region = tuple[str, Term | None]
-"""Atoms of a predicate that have the same first argument; all of its atoms for ANYTHING. Or, without a name, what can be held."""
+"""Atoms of a predicate that have the same first argument; all of its atoms for ANYTHING.
+
+Or, without a name, what can be held.
+"""
 
 
 class TouchedKeys(NamedTuple):
-    """What a step changes, and in what it is exposed: it could disturb steps that are exposed in what it changes."""
+    """What a step changes, and in what it is exposed: it could disturb steps that are exposed
+    in what it changes.
+    """
 
     changed: frozenset[Hashable]
     exposed: frozenset[Hashable]
 
 
-def unordered_places(order: StepPrecedence, regions: Callable[[int], Iterable[Region]]) -> list[int]:
-    """The places of the steps of which another one, that is not ordered with it, touches the same region.
+def unordered_places(
+    order: StepPrecedence, regions: Callable[[int], Iterable[Region]]
+) -> list[int]:
+    """The places of the steps of which another one, that is not ordered with it, touches the same
+    region.
 
-    Steps of one region that come one after another are ordered with all others there. The regions of a step are asked for once.
+    Steps of one region that come one after another are ordered with all others there. The regions
+    of a step are asked for once.
     """
     last: dict[Region, int] = {}
     parallel: set[Region] = set()
@@ -118,7 +138,8 @@ def unordered_places(order: StepPrecedence, regions: Callable[[int], Iterable[Re
 def disturbing_pairs(
     order: StepPrecedence, places: Iterable[int], touched: Callable[[int], TouchedKeys]
 ) -> Iterator[tuple[int, int]]:
-    """The places of two unordered steps that could disturb each other: the later step, and the earlier one, in their order.
+    """The places of two unordered steps that could disturb each other: the later step, and the
+    earlier one, in their order.
 
     Steps at some places are looked at, in their order.
     """
@@ -129,7 +150,8 @@ def disturbing_pairs(
         first, free = order.free(place)
         if free:
             near = free & (
-                _places_behind(changing, own.exposed, first) | _places_behind(exposed, own.changed, first)
+                _places_behind(changing, own.exposed, first)
+                | _places_behind(exposed, own.changed, first)
             )
             yield from ((place, first + at) for at in _bit_places(near))
         _enter_place(changing, own.changed, place)
@@ -148,7 +170,9 @@ def _places_behind(places_by_key: Known, keys: Iterable[Hashable], first: int) -
     for key in keys:
         if (own := places_by_key.get(key)) is not None:
             own_first, bits = own
-            later_places |= bits >> first - own_first if first >= own_first else bits << own_first - first
+            later_places |= (
+                bits >> first - own_first if first >= own_first else bits << own_first - first
+            )
     return later_places
 
 

@@ -8,7 +8,13 @@ from scipy import ndimage
 
 from cellwright.engine.kernels.arrays import Floats, Truths
 from cellwright.engine.kernels.rigid import apply, difference
-from cellwright.engine.model.vision import DepthImage, LocatedPart, NotLocated, PoseHypothesis, Sighting
+from cellwright.engine.model.vision import (
+    DepthImage,
+    LocatedPart,
+    NotLocated,
+    PoseHypothesis,
+    Sighting,
+)
 from cellwright.engine.stages.vision.plane_regions import PlaneRegion, regions_of
 from cellwright.engine.stages.vision.pose_hypotheses import PartModel, pose_hypotheses
 from cellwright.engine.stages.vision.pose_refinement import (
@@ -31,15 +37,20 @@ UNSOUND_SHARE = 0.005  # of the share that agrees, and a tenth of the share of t
 UNSOUND_PX = 0.5  # that a piece of the outline is farther off
 MAX_GAP_M = 0.006  # how far above what carries it a part may seem to be
 RING_PX = 12
-MIN_CARRIED_SHARE = 0.15  # the share of a part's surroundings that must be as high as the part's lower side, if it is above the floor
+# the share of a part's surroundings that must be as high as the part's lower side, if it is above
+# the floor
+MIN_CARRIED_SHARE = 0.15
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefDemands:
-    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead, at least and as a share of it.
+    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is
+    ahead, at least and as a share of it.
 
-    The share is there because errors of neighbouring pixels are not independent: many pixels tell less than their number says.
-    `within_m` is the standard deviation of its place in the direction that is told least. `off_px` is how far a piece of an edge may be off on average; less than a pixel, because between two pixels nothing is seen.
+    The share is there because errors of neighbouring pixels are not independent: many pixels tell
+    less than their number says. `within_m` is the standard deviation of its place in the direction
+    that is told least. `off_px` is how far a piece of an edge may be off on average; less than a
+    pixel, because between two pixels nothing is seen.
     """
 
     agreeing: float = 0.99
@@ -54,9 +65,11 @@ class BeliefDemands:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownScene:
-    """What is known of the scene: where the image shows nothing new (height, width), and planes that nothing is below.
+    """What is known of the scene: where the image shows nothing new (height, width), and planes
+    that nothing is below.
 
-    A plane is a unit normal and an offset (4,) in the camera's frame: above it is normal . x > offset.
+    A plane is a unit normal and an offset (4,) in the camera's frame: above it is normal . x >
+    offset.
     """
 
     known: Truths
@@ -82,7 +95,8 @@ def locate_in_image(
 def part_sightings(
     model: PartModel, view: ImageView, regions: Sequence[PlaneRegion], more: Sequence[Floats] = ()
 ) -> list[tuple[PoseHypothesis, Floats]]:
-    """The poses of a part that the plane regions of an image suggest, or that are given besides, as well as they fit the image.
+    """The poses of a part that the plane regions of an image suggest, or that are given besides, as
+    well as they fit the image.
 
     Each comes with its covariance (6, 6).
     """
@@ -106,7 +120,9 @@ def part_sightings(
 
 
 def may_stand(model: PartModel, T: Floats, view: ImageView, ground: KnownScene) -> bool:
-    """Whether a part may be at a pose: no corner of it is below a floor, and it rests on one or on something that is seen."""
+    """Whether a part may be at a pose: no corner of it is below a floor, and it rests on one or
+    on something that is seen.
+    """
     return not below_floor(model, T, ground) and _rests_on_something(model, T, view, ground)
 
 
@@ -116,28 +132,42 @@ def _order_poses(
     poses: Sequence[Floats],
     value: Callable[[PoseHypothesis], float] | None = None,
 ) -> list[tuple[float, Floats]]:
-    """The poses of a part in the picture with what speaks for them, those first for which most does."""
+    """The poses of a part in the picture with what speaks for them, those first for which most
+    does.
+    """
     value = value or hypothesis_worth
-    valued = [(value(hypothesis), T) for T in poses if (hypothesis := judge_pose(model, view, T)) is not None]
+    valued = [
+        (value(hypothesis), T)
+        for T in poses
+        if (hypothesis := judge_pose(model, view, T)) is not None
+    ]
     return sorted(valued, key=lambda pair: -pair[0])
 
 
 def hypothesis_worth(hypothesis: PoseHypothesis) -> float:
-    """How much speaks for a hypothesis: the pixels that show it, much less where some contradict it or its outline."""
+    """How much speaks for a hypothesis: the pixels that show it, much less where some
+    contradict it or its outline.
+    """
     return hypothesis.pixels * hypothesis.agreeing**30 * hypothesis.edged**6
 
 
 def unrefined_worth(hypothesis: PoseHypothesis) -> float:
-    """How much speaks for a pose that is not refined: where it is a little off, more of it is contradicted than of a wrong one that is larger than what it hides."""
+    """How much speaks for a pose that is not refined: where it is a little off, more of it is
+    contradicted than of a wrong one that is larger than what it hides.
+    """
     return hypothesis.pixels * hypothesis.agreeing**4 * hypothesis.edged
 
 
 def _decide_pose(
     model: PartModel, final: list[tuple[PoseHypothesis, Floats]], demands: BeliefDemands
 ) -> Sighting:
-    """The best hypothesis, if it shows what is demanded, and if no other pose that is as sound has as much evidence."""
+    """The best hypothesis, if it shows what is demanded, and if no other pose that is as sound
+    has as much evidence.
+    """
     if not final:
-        return NotLocated("the part would lie below the floor, or rest on nothing, wherever it could be")
+        return NotLocated(
+            "the part would lie below the floor, or rest on nothing, wherever it could be"
+        )
     sure = [pair for pair in final if not doubt_reason(pair[0], demands)] or final
     first = max(sure, key=lambda pair: hypothesis_worth(pair[0]))[0]
     sure = [pair for pair in sure if _as_sound(pair[0], first)]
@@ -155,7 +185,10 @@ def _decide_pose(
         reason = "two poses explain the image equally well"
     least = float(np.sqrt(max(np.linalg.eigvalsh(covariance[:3, :3])[-1], 0.0)))
     if not reason and least > demands.within_m:
-        reason = f"nothing that is seen tells where it lies along one direction: give or take {1000 * least:.1f} mm"
+        reason = (
+            "nothing that is seen tells where it lies along one direction: give or take "
+            f"{1000 * least:.1f} mm"
+        )
     if reason:
         return NotLocated(reason, best, second)
     poses = tuple(best.T_camera_part @ S for S in model.symmetries)
@@ -174,13 +207,19 @@ def _as_sound(first: PoseHypothesis, second: PoseHypothesis) -> bool:
 def doubt_reason(best: PoseHypothesis, demands: BeliefDemands) -> str:
     """Why a hypothesis is not believed; empty if it is."""
     if best.pixels < demands.pixels or best.seen < demands.seen:
-        return f"too little of the part would be seen: {best.pixels} pixels, {best.seen:.0%} of its picture"
+        return (
+            f"too little of the part would be seen: {best.pixels} pixels, {best.seen:.0%} of "
+            "its picture"
+        )
     if best.agreeing < demands.agreeing:
         return f"the image shows through the part: only {best.agreeing:.0%} of it agrees"
     if best.edged < demands.edged:
         return f"the outline does not end where the part would: only {best.edged:.0%} of it does"
     if best.off_px > demands.off_px:
-        return f"the surface ends elsewhere than the part would: a piece of an edge is {best.off_px:.1f} pixels off"
+        return (
+            "the surface ends elsewhere than the part would: a piece of an edge is "
+            f"{best.off_px:.1f} pixels off"
+        )
     return ""
 
 
@@ -221,7 +260,10 @@ def below_floor(model: PartModel, T: Floats, ground: KnownScene) -> bool:
 
 
 def _rests_on_something(model: PartModel, T: Floats, view: ImageView, ground: KnownScene) -> bool:
-    """Whether a part may rest on a floor, or on something that is seen beside it. What it hides wholly does not count."""
+    """Whether a part may rest on a floor, or on something that is seen beside it.
+
+    What it hides wholly does not count.
+    """
     points = apply(T, model.solid.vertices)
     heights = [points @ floor[:3] - floor[3] for floor in ground.floors]
     if not heights or min(float(height.min()) for height in heights) < MAX_GAP_M:
@@ -230,14 +272,20 @@ def _rests_on_something(model: PartModel, T: Floats, view: ImageView, ground: Kn
     if seen is None:
         return False
     mask = seen.owner >= 0
-    ring = ndimage.binary_dilation(mask, iterations=RING_PX) & ~ndimage.binary_dilation(mask, iterations=2)
+    ring = ndimage.binary_dilation(mask, iterations=RING_PX) & ~ndimage.binary_dilation(
+        mask, iterations=2
+    )
     v, u = np.nonzero(ring)
     depth = view.image.depth[v + seen.v0, u + seen.u0]
     around = (
-        view.image.camera.rays((u + seen.u0).astype(float), (v + seen.v0).astype(float)) * depth[:, None]
+        view.image.camera.rays((u + seen.u0).astype(float), (v + seen.v0).astype(float))
+        * depth[:, None]
     )[depth > 0]
     return any(
-        bool((np.abs(around @ floor[:3] - floor[3] - height.min()) < MAX_GAP_M).mean() > MIN_CARRIED_SHARE)
+        bool(
+            (np.abs(around @ floor[:3] - floor[3] - height.min()) < MAX_GAP_M).mean()
+            > MIN_CARRIED_SHARE
+        )
         for floor, height in zip(ground.floors, heights, strict=True)
         if len(around)
     )

@@ -1,10 +1,11 @@
 """Which of several parts are seen, by relations between faces and by outlines, and where.
 
-Each face that is seen is one facet of the part, or belongs to something else. This is a constraint search (Grimson & Lozano-Perez,
-"Model-based recognition and localization from sparse range or tactile data", 1984; faces as in Magee & Nathan 1985): a face is
-no larger than its facet; two faces have the angle between their facets, and as parallel ones the distance; no two points of them
-are farther apart than the facets' are. Three facets that are not parallel settle the pose. Two leave a shift along both, which the ends
-of the larger face settle; one tells too little.
+Each face that is seen is one facet of the part, or belongs to something else. This is a constraint
+search (Grimson & Lozano-Perez, "Model-based recognition and localization from sparse range or
+tactile data", 1984; faces as in Magee & Nathan 1985): a face is no larger than its facet; two faces
+have the angle between their facets, and as parallel ones the distance; no two points of them are
+farther apart than the facets' are. Three facets that are not parallel settle the pose. Two leave a
+shift along both, which the ends of the larger face settle; one tells too little.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -68,7 +69,9 @@ Interpretation = tuple[FacePairing, ...]
 
 
 def related_poses(model: PartModel, seen: Sequence[SeenFace]) -> list[Floats]:
-    """Poses T_eye_part (4, 4) that two or more of the faces give, those first that explain most pixels."""
+    """Poses T_eye_part (4, 4) that two or more of the faces give, those first that explain most
+    pixels.
+    """
     facets = faces_of(model.solid)
     poses = []
     for n in range(len(seen)):
@@ -78,13 +81,19 @@ def related_poses(model: PartModel, seen: Sequence[SeenFace]) -> list[Floats]:
                 if _interpretation_rank(interpretation) >= LEAST_RANK
                 else None
             )
-            if T is not None and all(_within_facet(T, pairing, model) for pairing in interpretation):
+            if T is not None and all(
+                _within_facet(T, pairing, model) for pairing in interpretation
+            ):
                 poses.append((sum(pairing.seen.pixels for pairing in interpretation), T))
     return [T for _, T in sorted(poses, key=lambda pair: -pair[0])]
 
 
-def interpretations_of(seen: Sequence[SeenFace], facets: Sequence[SeenFace]) -> Iterator[Interpretation]:
-    """All ways to take the first face, and some of the others, for facets so that all relations hold."""
+def interpretations_of(
+    seen: Sequence[SeenFace], facets: Sequence[SeenFace]
+) -> Iterator[Interpretation]:
+    """All ways to take the first face, and some of the others, for facets so that all relations
+    hold.
+    """
 
     def extended(n: int, so_far: Interpretation, left_out: int) -> Iterator[Interpretation]:
         if n == len(seen):
@@ -137,7 +146,8 @@ def _interpretation_rank(interpretation: Interpretation) -> int:
 
 
 def pose_from_pairings(pairings: Interpretation) -> Floats | None:
-    """The pose (4, 4) that brings facets onto the faces: a rotation by their normals (Wahba's problem), then a shift.
+    """The pose (4, 4) that brings facets onto the faces: a rotation by their normals (Wahba's
+    problem), then a shift.
 
     None if the faces' normals are those of the mirrored part.
     """
@@ -155,7 +165,9 @@ def pose_from_pairings(pairings: Interpretation) -> Floats | None:
         largest = max(pairings, key=lambda pairing: pairing.seen.pixels)
         rows = np.concatenate([rows, along[None]])
         targets = np.append(
-            targets, _middle_of(largest.seen.points @ along) - _middle_of(largest.facet.points @ R.T @ along)
+            targets,
+            _middle_of(largest.seen.points @ along)
+            - _middle_of(largest.facet.points @ R.T @ along),
         )
     shift, *_ = np.linalg.lstsq(rows, targets, rcond=None)
     return transform(R, np.asarray(shift, float))
@@ -177,7 +189,8 @@ MAX_INTERPRETED_FACES = 24  # that are interpreted, the largest
 MAX_RELATED_POSES = (
     40  # poses of one part that relations between faces give, those with the most pixels first
 )
-MAX_OVERLAP = 0.2  # of the pixels of the smaller one: two sights that share so many explain the same thing
+# of the pixels of the smaller one: two sights that share so many explain the same thing
+MAX_OVERLAP = 0.2
 AHEAD_SHARE = 0.03  # of its evidence: so much better must the best part explain the image
 FACE_PX = 25  # of a facet that is seen
 NEAR, SLACK_M = (
@@ -188,13 +201,15 @@ BESIDE_PX, LEAST_PX = 2, 120  # around what is explained; of what is told to be 
 RECOGNITION_DEMANDS = BeliefDemands()
 NO_MATCHING_FACES = "nothing that is left in the image has faces or edges like its own"
 UNSUPPORTED_FACE = (
-    "only one of its faces is seen, and nothing says what carries it; look from where two or three meet"
+    "only one of its faces is seen, and nothing says what carries it; look from where two or "
+    "three meet"
 )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartClaim:
-    """A part at a pose that the image confirms, what speaks for it, and the pixels (height, width) that show it.
+    """A part at a pose that the image confirms, what speaks for it, and the pixels (height, width)
+    that show it.
 
     `stands` says whether it rests on what carries it, or nothing is known of that.
     """
@@ -205,7 +220,9 @@ class PartClaim:
     stands: bool = True
 
 
-def recognise_in_image(models: Mapping[str, PartModel], image: DepthImage, ground: KnownScene) -> Recognised:
+def recognise_in_image(
+    models: Mapping[str, PartModel], image: DepthImage, ground: KnownScene
+) -> Recognised:
     """The parts that are seen, what may be one of several, and what belongs to none.
 
     `ground` says what of the image is known to be something else, and which planes carry parts.
@@ -225,10 +242,14 @@ def recognise_in_image(models: Mapping[str, PartModel], image: DepthImage, groun
         }
         if not more:
             break
-        known_mask = known_mask | _explained_pixels(models, image, [identified.best for identified in named])
+        known_mask = known_mask | _explained_pixels(
+            models, image, [identified.best for identified in named]
+        )
     unclear_parts = {part for doubtful in unclear for part in doubtful.parts}
     missing = {
-        name: doubts.get(name, NO_MATCHING_FACES) for name in sorted(open_models) if name not in unclear_parts
+        name: doubts.get(name, NO_MATCHING_FACES)
+        for name in sorted(open_models)
+        if name not in unclear_parts
     }
     sights = [identified.best for identified in named] + [
         sight for doubtful in unclear for sight in doubtful.sights
@@ -240,7 +261,9 @@ def recognise_in_image(models: Mapping[str, PartModel], image: DepthImage, groun
 def _part_claims(
     models: Mapping[str, PartModel], image: DepthImage, ground: KnownScene
 ) -> tuple[list[PartClaim], dict[str, str]]:
-    """The parts at all poses that the image confirms; and for parts without any, why there is none."""
+    """The parts at all poses that the image confirms; and for parts without any, why there is
+    none.
+    """
     regions = regions_of(image, ground.known)
     view, faces = (
         ImageView(image, ground.known),
@@ -268,14 +291,18 @@ def _make_claim(
     name: str, model: PartModel, hypothesis: PoseHypothesis, view: ImageView, ground: KnownScene
 ) -> PartClaim:
     shows, normals = _shown_pixels(model, hypothesis.T_camera_part, view.image)
-    sight = PartSight(name, hypothesis.T_camera_part, int(shows.sum()), hypothesis.seen, len(normals))
+    sight = PartSight(
+        name, hypothesis.T_camera_part, int(shows.sum()), hypothesis.seen, len(normals)
+    )
     return PartClaim(
         sight, hypothesis.evidence, shows, may_stand(model, hypothesis.T_camera_part, view, ground)
     )
 
 
 def _shown_pixels(model: PartModel, T: Floats, image: DepthImage) -> tuple[Truths, list[Floats]]:
-    """The pixels (height, width) that show a part at a pose, and the normals (3,) of its facets that they show."""
+    """The pixels (height, width) that show a part at a pose, and the normals (3,) of its facets
+    that they show.
+    """
     shows = np.zeros(image.depth.shape, dtype=bool)
     seen = picture_part(model, image, T)
     if seen is None:
@@ -302,19 +329,30 @@ def _unsupported_reason(model: PartModel, T: Floats, view: ImageView, ground: Kn
 def decide_claims(
     claims: Sequence[PartClaim], models: Mapping[str, PartModel]
 ) -> tuple[list[NamedPart], list[UnclearParts]]:
-    """The parts that claims settle, and what stays open: each part is there once, and what shows one part shows no other."""
+    """The parts that claims settle, and what stays open: each part is there once, and what
+    shows one part shows no other.
+    """
     open_ = _group_claims(claims)
     named: list[NamedPart] = []
     while True:
-        alone = [name for group in open_ if len(_claimed_parts(group)) == 1 for name in _claimed_parts(group)]
+        alone = [
+            name
+            for group in open_
+            if len(_claimed_parts(group)) == 1
+            for name in _claimed_parts(group)
+        ]
         sure = sorted(name for name in set(alone) if alone.count(name) == 1)
         if not sure:
             return named, [UnclearParts(tuple(_best_sights(group))) for group in open_]
         settled = [
-            group for group in open_ if len(_claimed_parts(group)) == 1 and _claimed_parts(group) <= set(sure)
+            group
+            for group in open_
+            if len(_claimed_parts(group)) == 1 and _claimed_parts(group) <= set(sure)
         ]
         named += [_name_part(group, models[group[0].sight.part]) for group in settled]
-        undecided = [tuple(claim for claim in group if claim.sight.part not in sure) for group in open_]
+        undecided = [
+            tuple(claim for claim in group if claim.sight.part not in sure) for group in open_
+        ]
         open_ = [group for group in undecided if group]
 
 
@@ -323,12 +361,16 @@ def _claimed_parts(group: Sequence[PartClaim]) -> set[str]:
 
 
 def _group_claims(claims: Sequence[PartClaim]) -> list[tuple[PartClaim, ...]]:
-    """Claims that explain the same pixels, the best first; without those that are clearly behind, or hang in the air beside one that stands."""
+    """Claims that explain the same pixels, the best first; without those that are clearly
+    behind, or hang in the air beside one that stands.
+    """
     rest = sorted(claims, key=lambda claim: -claim.evidence)
     groups = []
     while rest:
         together = [claim for claim in rest if _claims_overlap(rest[0], claim)]
-        near = [claim for claim in together if claim.evidence >= (1.0 - AHEAD_SHARE) * rest[0].evidence]
+        near = [
+            claim for claim in together if claim.evidence >= (1.0 - AHEAD_SHARE) * rest[0].evidence
+        ]
         groups.append(tuple([claim for claim in near if claim.stands] or near))
         rest = [claim for claim in rest if not any(claim is member for member in together)]
     return groups
@@ -359,7 +401,9 @@ def _name_part(group: Sequence[PartClaim], model: PartModel) -> NamedPart:
 def _explained_pixels(
     models: Mapping[str, PartModel], image: DepthImage, sights: Sequence[PartSight]
 ) -> Truths:
-    """The pixels (height, width) that show parts, and those close beside them, where beams meet both."""
+    """The pixels (height, width) that show parts, and those close beside them, where beams meet
+    both.
+    """
     explained = np.zeros(image.depth.shape, dtype=bool)
     for sight in sights:
         explained |= _shown_pixels(models[sight.part], sight.T_eye_part, image)[0]

@@ -22,9 +22,11 @@ LINE_CANDIDATES = 60
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StraightEdges:
-    """Straight edges of a plane region or a facet, in two coordinates on its plane: the points p with `normal` . p = `offset`.
+    """Straight edges of a plane region or a facet, in two coordinates on its plane: the points p
+    with `normal` . p = `offset`.
 
-    `normal` (n, 2) points outwards. `ends` (n, 2) are where an edge begins and ends, along the normal turned to the left.
+    `normal` (n, 2) points outwards. `ends` (n, 2) are where an edge begins and ends, along the
+    normal turned to the left.
     """
 
     normal: Floats
@@ -39,7 +41,9 @@ class StraightEdges:
 
 
 def lines_through(points: Floats, outward: Floats, pitch_m: float) -> StraightEdges:
-    """Straight edges through border points (n, 2) with outward directions (n, 2), the longest first."""
+    """Straight edges through border points (n, 2) with outward directions (n, 2), the longest
+    first.
+    """
     fitted_lines: list[tuple[Floats, float, Floats]] = []
     length = np.linalg.norm(outward, axis=1, keepdims=True)
     normals = outward / np.where(length > 0, length, 1.0)
@@ -62,7 +66,9 @@ def lines_through(points: Floats, outward: Floats, pitch_m: float) -> StraightEd
 
 
 def _consensus_points(points: Floats, normals: Floats, pitch_m: float) -> Truths:
-    """The points (n,) on the line, through one of them and square to its direction, that most lie on."""
+    """The points (n,) on the line, through one of them and square to its direction, that most
+    lie on.
+    """
     some = np.linspace(0, len(points) - 1, min(len(points), LINE_CANDIDATES)).astype(int)
     height = points @ normals[some].T - (points[some] * normals[some]).sum(axis=1)
     on = (np.abs(height) < ON_LINE_PX * pitch_m) & (normals @ normals[some].T > MAX_TURN_COSINE)
@@ -118,9 +124,11 @@ EDGE_STEP_SIGMAS = 4.0  # of the noise: what lies farther is beyond an edge
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneRegion:
-    """A plane region: `axes` (3, 3) are two axes on it and its normal towards the camera, as columns.
+    """A plane region: `axes` (3, 3) are two axes on it and its normal towards the camera, as
+    columns.
 
-    Its points are `axes` @ (x, y, offset). `inside` (s, 2) are some of its points, `lines` its edges.
+    Its points are `axes` @ (x, y, offset). `inside` (s, 2) are some of its points, `lines` its
+    edges.
     """
 
     axes: Floats
@@ -131,7 +139,9 @@ class PlaneRegion:
 
 
 def regions_of(image: DepthImage, known_mask: Truths) -> list[PlaneRegion]:
-    """The plane regions of an image, the largest first; pixels of what is `known` (height, width) belong to none."""
+    """The plane regions of an image, the largest first; pixels of what is `known` (height,
+    width) belong to none.
+    """
     depth = image.depth
     inverse = np.where(depth > 0, 1.0 / np.where(depth > 0, depth, 1.0), 0.0)
     label = np.where(known_mask, -1, 0).astype(np.int64)
@@ -148,7 +158,9 @@ def regions_of(image: DepthImage, known_mask: Truths) -> list[PlaneRegion]:
 
 
 def _grow_regions(grower: Grower, noise_m: float) -> list[Floats]:
-    """The planes (3,) of the regions, which `grower` has numbered from 1 on; from the flattest blocks."""
+    """The planes (3,) of the regions, which `grower` has numbered from 1 on; from the flattest
+    blocks.
+    """
     flat = blocks(grower, SIDE, STRIDE)
     order = np.argsort(flat, axis=None, kind="stable")
     planes: list[Floats] = []
@@ -182,7 +194,12 @@ def axes_of(normal: Floats) -> Floats:
 
 
 def _measure_region(
-    image: DepthImage, inverse: Floats, label: Longs, number: int, plane: Floats, box: tuple[slice, slice]
+    image: DepthImage,
+    inverse: Floats,
+    label: Longs,
+    number: int,
+    plane: Floats,
+    box: tuple[slice, slice],
 ) -> PlaneRegion | None:
     rows, columns = (slice(max(0, span.start - 3), span.stop + 3) for span in box)
     mask = ndimage.binary_fill_holes(label[rows, columns] == number)
@@ -197,16 +214,22 @@ def _measure_region(
     if not len(inner_u):
         return None
     some = np.linspace(0, len(inner_u) - 1, 60).astype(int)
-    inside = np.stack([inner_u[some] + columns.start, inner_v[some] + rows.start], axis=1).astype(float)
+    inside = np.stack([inner_u[some] + columns.start, inner_v[some] + rows.start], axis=1).astype(
+        float
+    )
     rays = image.camera.rays(at[:, 0], at[:, 1]).mean(axis=0)
     flat = max(0.3, -float(rays @ axes[:, 2]) / float(np.linalg.norm(rays)))
     pitch = -offset / flat / image.camera.focal_px / flat
     lines = lines_through(points, normals, pitch)
-    return PlaneRegion(axes, offset, on_plane(image.camera, axes, offset, inside), lines, int(mask.sum()))
+    return PlaneRegion(
+        axes, offset, on_plane(image.camera, axes, offset, inside), lines, int(mask.sum())
+    )
 
 
 def shrink_mask(mask: Truths) -> Truths:
-    """The pixels of a mask all of whose four neighbours are in it; what lies outside the picture counts as in it."""
+    """The pixels of a mask all of whose four neighbours are in it; what lies outside the
+    picture counts as in it.
+    """
     inner: Truths = mask.copy()
     inner[1:] &= mask[:-1]
     inner[:-1] &= mask[1:]
@@ -215,7 +238,9 @@ def shrink_mask(mask: Truths) -> Truths:
     return inner
 
 
-def _ending_pixels(inverse: Floats, plane: Floats, at: Floats, outward: Floats, noise_m: float) -> Truths:
+def _ending_pixels(
+    inverse: Floats, plane: Floats, at: Floats, outward: Floats, noise_m: float
+) -> Truths:
     """At which border pixels (n, 2), as (u, v), what lies beyond is farther away (n,)."""
     apart, answered = beyond_plane(
         inverse, plane, at[:, None] + np.array(BEYOND_BORDER_PX)[:, None] * outward[:, None]
@@ -228,7 +253,9 @@ def _ending_pixels(inverse: Floats, plane: Floats, at: Floats, outward: Floats, 
 
 
 def beyond_plane(inverse: Floats, plane: Floats, at: Floats) -> tuple[Floats, Truths]:
-    """How much deeper the image is than planes (3, ...) at places (..., 2), as (u, v), in metres; and whether it is known there."""
+    """How much deeper the image is than planes (3, ...) at places (..., 2), as (u, v), in
+    metres; and whether it is known there.
+    """
     u, v = np.rint(at[..., 0]).astype(np.int64), np.rint(at[..., 1]).astype(np.int64)
     height, width = inverse.shape
     inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
@@ -251,7 +278,8 @@ FACE_POINTS = 60  # points that stand for a face
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenFace:
-    """A plane face: the points (k, 3) on it, normal . x = `offset_m`, its area as far as it is seen, and its pixels.
+    """A plane face: the points (k, 3) on it, normal . x = `offset_m`, its area as far as it is
+    seen, and its pixels.
 
     `number` is that of a facet where it belongs to a model.
     """
@@ -266,7 +294,9 @@ class SeenFace:
 
 def face_of(image: DepthImage, region: PlaneRegion) -> SeenFace:
     """A plane region of an image as a face, in the frame of the camera."""
-    points = np.column_stack([region.inside, np.full(len(region.inside), region.offset)]) @ region.axes.T
+    points = (
+        np.column_stack([region.inside, np.full(len(region.inside), region.offset)]) @ region.axes.T
+    )
     # A pixel covers depth^3 / (focal^2 |offset|) of a plane.
     covered = points[:, 2] ** 3 / (image.camera.focal_px**2 * abs(region.offset))
     some = np.linspace(0, len(points) - 1, min(FACE_POINTS, len(points))).astype(int)
@@ -288,7 +318,9 @@ def faces_of(solid: Solid) -> list[SeenFace]:
 
 
 def farthest_distance(first: Floats, second: Floats) -> float:
-    """How far two points (n, 3), (m, 3) are apart at most, one of each: of polygons, by their corners."""
+    """How far two points (n, 3), (m, 3) are apart at most, one of each: of polygons, by their
+    corners.
+    """
     return float(np.linalg.norm(first[:, None] - second[None], axis=2).max())
 
 

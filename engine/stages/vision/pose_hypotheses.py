@@ -24,7 +24,8 @@ DIFFERENT_POSES = 0.02  # entries of poses that differ by less are of one pose
 def solid_symmetries(solid: Solid) -> tuple[Floats, ...]:
     """All poses (4, 4) of a solid in its own frame in which it looks the same, the identity first.
 
-    Each maps one edge of the first facet to an edge of some facet. Those that map all vertices to vertices are right.
+    Each maps one edge of the first facet to an edge of some facet. Those that map all vertices to
+    vertices are right.
     """
     points = np.unique(np.round(solid.vertices, 9), axis=0)
     size = float(np.ptp(points, axis=0).max())
@@ -49,14 +50,15 @@ def solid_symmetries(solid: Solid) -> tuple[Floats, ...]:
 def partial_symmetries(
     solid: Solid, exact: tuple[Floats, ...], points: Floats, normals: Floats
 ) -> tuple[Floats, ...]:
-    """Poses (4, 4) in which most of some points (n, 3) on a solid, with their normals, lie on its facets' planes, except for those that are known.
-    The likest come first.
+    """Poses (4, 4) in which most of some points (n, 3) on a solid, with their normals, lie on its
+    facets' planes, except for those that are known. The likest come first.
 
-    What tells such a pose from the true one may be hidden. Each maps an edge of the largest facet onto the line of another edge,
-    beginning at one of its ends.
+    What tells such a pose from the true one may be hidden. Each maps an edge of the largest facet
+    onto the line of another edge, beginning at one of its ends.
     """
     anchor = max(
-        solid.facets, key=lambda facet_entry: float(np.linalg.norm(np.ptp(facet_entry.edges, axis=(0, 1))))
+        solid.facets,
+        key=lambda facet_entry: float(np.linalg.norm(np.ptp(facet_entry.edges, axis=(0, 1)))),
     )
     back = inverse(_edge_frame(anchor, 0))
     planes = np.array([facet.normal for facet in solid.facets])
@@ -70,7 +72,9 @@ def partial_symmetries(
             )
             share = float(near.any(axis=1).mean())
             earlier_poses = [*exact, *(pose for _, pose in candidates)]
-            if share > LIKE and all(np.abs(T - earlier).max() > DIFFERENT_POSES for earlier in earlier_poses):
+            if share > LIKE and all(
+                np.abs(T - earlier).max() > DIFFERENT_POSES for earlier in earlier_poses
+            ):
                 candidates.append((share, T))
     return tuple(T for _, T in sorted(candidates, key=lambda pair: -pair[0])[:MOST])
 
@@ -129,7 +133,10 @@ class PartModel:
 
     def _alike(self, facet: Facet, second: Facet) -> bool:
         """Whether a symmetry maps a facet to another one."""
-        middle, to = facet.edges.reshape(-1, 3).mean(axis=0), second.edges.reshape(-1, 3).mean(axis=0)
+        middle, to = (
+            facet.edges.reshape(-1, 3).mean(axis=0),
+            second.edges.reshape(-1, 3).mean(axis=0),
+        )
         return any(
             np.abs(T[:3, :3] @ middle + T[:3, 3] - to).max() < 1e-6
             and T[:3, :3] @ facet.normal @ second.normal > 1 - 1e-6
@@ -144,7 +151,10 @@ class PartModel:
     @cached_property
     def edges(self) -> list[Floats]:
         """For each facet, its edges (e, 2, 2) on its plane."""
-        return [facet.edges @ axes[:, :2] for facet, axes in zip(self.solid.facets, self.axes, strict=True)]
+        return [
+            facet.edges @ axes[:, :2]
+            for facet, axes in zip(self.solid.facets, self.axes, strict=True)
+        ]
 
     @cached_property
     def lines(self) -> list[StraightEdges]:
@@ -180,11 +190,14 @@ def _lines_of(edges: Floats) -> StraightEdges:
     return StraightEdges(normal, (edges[:, 0] * normal).sum(axis=1), ends)
 
 
-def pose_hypotheses(model: PartModel, regions: list[PlaneRegion], image: DepthImage, most: int) -> Floats:
+def pose_hypotheses(
+    model: PartModel, regions: list[PlaneRegion], image: DepthImage, most: int
+) -> Floats:
     """The likeliest poses T_camera_part (h, 4, 4), at most `most`, the likeliest first.
 
-    Each match of a region with a facet has its turn: what speaks for a pose counts the less, the more others of the same match come before it. A part of
-    which little is seen would else stand behind all the ways in which a larger thing could be a part like it.
+    Each match of a region with a facet has its turn: what speaks for a pose counts the less, the
+    more others of the same match come before it. A part of which little is seen would else stand
+    behind all the ways in which a larger thing could be a part like it.
     """
     poses, worth = [np.zeros((0, 4, 4))], [np.zeros(0)]
     for region in regions:
@@ -202,7 +215,10 @@ def pose_hypotheses(model: PartModel, regions: list[PlaneRegion], image: DepthIm
 
 
 def _worth_by_rank(worth: Floats) -> Floats:
-    """What speaks for poses of one match (h,), divided by their rank among them. One for which nothing speaks or against counts a little."""
+    """What speaks for poses of one match (h,), divided by their rank among them.
+
+    One for which nothing speaks or against counts a little.
+    """
     rank = np.empty(len(worth))
     rank[np.argsort(-worth, kind="stable")] = np.arange(1, len(worth) + 1)
     return (worth + FEW_POINTS) / rank
@@ -216,7 +232,9 @@ def _edge_matches(seen: StraightEdges, edges: StraightEdges) -> tuple[Floats, Fl
     i, k = (indices.reshape(-1) for indices in np.indices(angle.shape))
     turn = angle.reshape(-1)
     first, second = np.triu_indices(len(turn), 1)
-    square = np.abs(_cross_2d(seen.normal[i[first]], seen.normal[i[second]])) > np.sin(np.radians(20))
+    square = np.abs(_cross_2d(seen.normal[i[first]], seen.normal[i[second]])) > np.sin(
+        np.radians(20)
+    )
     same = np.abs(np.mod(turn[first] - turn[second] + np.pi, 2 * np.pi) - np.pi) < MAX_TILT_RAD
     keep = square & same
     first, second = first[keep], second[keep]
@@ -231,7 +249,9 @@ def _edge_matches(seen: StraightEdges, edges: StraightEdges) -> tuple[Floats, Fl
         seen, i[second], edges, k[second], shifts
     )
     more_turns, more_shifts = _one_edge(seen, edges, i, k, turn)
-    return np.concatenate([turns[within], more_turns]), np.concatenate([shifts[within], more_shifts])
+    return np.concatenate([turns[within], more_turns]), np.concatenate(
+        [shifts[within], more_shifts]
+    )
 
 
 def _normal_angle(normal: Floats) -> Floats:
@@ -245,21 +265,30 @@ def _cross_2d(first: Floats, second: Floats) -> Floats:
 
 def _line_intersection(n: Floats, m: Floats, a: Floats, b: Floats) -> Floats:
     """The shifts (h, 2) t with n . t = a and m . t = b."""
-    return np.stack([a * m[:, 1] - b * n[:, 1], n[:, 0] * b - m[:, 0] * a], axis=1) / _cross_2d(n, m)[:, None]
+    return (
+        np.stack([a * m[:, 1] - b * n[:, 1], n[:, 0] * b - m[:, 0] * a], axis=1)
+        / _cross_2d(n, m)[:, None]
+    )
 
 
-def _within_edges(seen: StraightEdges, i: Longs, edges: StraightEdges, k: Longs, shift: Floats) -> Truths:
+def _within_edges(
+    seen: StraightEdges, i: Longs, edges: StraightEdges, k: Longs, shift: Floats
+) -> Truths:
     """Whether seen edges i lie within the facet's edges k, after a shift."""
     ends = seen.ends[i] - (seen.along[i] * shift).sum(axis=1)[:, None]
     slack = LENGTH_M
-    is_within: Truths = (ends[:, 0] > edges.ends[k, 0] - slack) & (ends[:, 1] < edges.ends[k, 1] + slack)
+    is_within: Truths = (ends[:, 0] > edges.ends[k, 0] - slack) & (
+        ends[:, 1] < edges.ends[k, 1] + slack
+    )
     return is_within
 
 
 def _one_edge(
     seen: StraightEdges, edges: StraightEdges, i: Longs, k: Longs, turn: Floats
 ) -> tuple[Floats, Floats]:
-    """Turns and shifts from one edge each: its middle where it is seen whole, else one of its ends on that of the model."""
+    """Turns and shifts from one edge each: its middle where it is seen whole, else one of its
+    ends on that of the model.
+    """
     lacking = (edges.ends[k, 1] - edges.ends[k, 0]) - (seen.ends[i, 1] - seen.ends[i, 0])
     turns, shifts = [np.zeros(0)], [np.zeros((0, 2))]
     for share, keep in (
@@ -289,7 +318,9 @@ def _covering_facets(
 
 
 def inside_edges(points: Floats, edges: Floats) -> Truths:
-    """Whether points (..., 2) lie inside the loops of edges (e, 2, 2): a ray to the right crosses an odd number of them."""
+    """Whether points (..., 2) lie inside the loops of edges (e, 2, 2): a ray to the right
+    crosses an odd number of them.
+    """
     (x0, y0), (x1, y1) = np.moveaxis(edges[:, 0], 1, 0), np.moveaxis(edges[:, 1], 1, 0)
     x, y = points[..., :1], points[..., 1:]
     crosses = (y0 > y) != (y1 > y)
@@ -298,7 +329,9 @@ def inside_edges(points: Floats, edges: Floats) -> Truths:
     return is_inside
 
 
-def _region_poses(turn: Floats, shift: Floats, region: PlaneRegion, model: PartModel, n: int) -> Floats:
+def _region_poses(
+    turn: Floats, shift: Floats, region: PlaneRegion, model: PartModel, n: int
+) -> Floats:
     c, s = np.cos(turn), np.sin(turn)
     flat = np.zeros((len(turn), 3, 3))
     flat[:, 0, 0], flat[:, 0, 1], flat[:, 1, 0], flat[:, 1, 1], flat[:, 2, 2] = c, -s, s, c, 1.0
@@ -308,13 +341,18 @@ def _region_poses(turn: Floats, shift: Floats, region: PlaneRegion, model: PartM
 
 
 def _hypothesis_worth(poses: Floats, model: PartModel, image: DepthImage) -> Floats:
-    """How many points of the surface are seen where they should be, less twice those that are seen through (h,).
+    """How many points of the surface are seen where they should be, less twice those that are seen
+    through (h,).
 
     Negative where more than a fifth of the points before nothing is seen through.
     """
     camera, (points, normals) = image.camera, model.samples
     samples = Samples(
-        image.depth, np.array([camera.focal_px, *camera.centre_px]), points, normals, MIN_FACING_COSINE
+        image.depth,
+        np.array([camera.focal_px, *camera.centre_px]),
+        points,
+        normals,
+        MIN_FACING_COSINE,
     )
     agree, through = seen(samples, np.ascontiguousarray(poses), DEPTH_STEP_SIGMAS * image.noise_m)
     refused = through > SEEN_THROUGH_SHARE * np.maximum(agree + through, 1)

@@ -1,8 +1,9 @@
 """A pose hypothesis compared with the depth image, and the pose that fits the image best.
 
-A part of nearly the right size agrees with most of an image, place by place. Along an edge of n places, chance averages out as
-1 / sqrt(n), so the median tells what single places cannot: that the measured surface ends elsewhere. A place at a corner, where another
-thing begins, does not change it.
+A part of nearly the right size agrees with most of an image, place by place. Along an edge of n
+places, chance averages out as 1 / sqrt(n), so the median tells what single places cannot: that the
+measured surface ends elsewhere. A place at a corner, where another thing begins, does not change
+it.
 """
 
 from dataclasses import dataclass, replace
@@ -18,16 +19,19 @@ from cellwright.engine.stages.vision.kernels.rims import border, ends
 from cellwright.engine.stages.vision.plane_regions import shrink_mask
 from cellwright.engine.stages.vision.pose_hypotheses import PartModel
 
-PIECE_PX = 24.0  # edges are looked at in pieces about so long: a turned edge is off one way at each end
+# edges are looked at in pieces about so long: a turned edge is off one way at each end
+PIECE_PX = 24.0
 MIN_PIECE_PLACES = 12  # places that tell of a piece
-BESIDE_PX, ALONG = 1.5, 0.9  # how far a place may be from its edge, and the cosine between their normals
+# how far a place may be from its edge, and the cosine between their normals
+BESIDE_PX, ALONG = 1.5, 0.9
 PIXEL_GAP = 0.5  # of it: two pixels side by side are twice that apart, and two at a corner are more
 SHORT_PX = 4.0  # edges that look shorter are left out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutlinePlaces:
-    """Places of an outline and the edges they are on: how far (n,) outside of its edge, along the `outward` normal (n, 2), the measured surface ends.
+    """Places of an outline and the edges they are on: how far (n,) outside of its edge, along the
+    `outward` normal (n, 2), the measured surface ends.
 
     It is nan where no edge is near or no end is seen. `piece` (n,) numbers the pieces of all edges.
     """
@@ -42,9 +46,11 @@ def assign_to_edges(
 ) -> OutlinePlaces:
     """The places (n, 2) of a part's outline at T_camera_part (4, 4), each with its edge.
 
-    `outward` (n, 2) are the directions there. Between both pixels of `ended` (n, 2, 2) the measured surface ends; they are nan where this is not seen.
-    They are compared with the edges themselves and not with the pixels that show the part: along a row of pixels these would be off by up to
-    one where nothing is. Of edges that lie side by side, such as those of a face that is seen edge on, the outer one makes the outline.
+    `outward` (n, 2) are the directions there. Between both pixels of `ended` (n, 2, 2) the measured
+    surface ends; they are nan where this is not seen. They are compared with the edges themselves
+    and not with the pixels that show the part: along a row of pixels these would be off by up to
+    one where nothing is. Of edges that lie side by side, such as those of a face that is seen edge
+    on, the outer one makes the outline.
     """
     ends = _outline_edges(model, camera, T)
     if not len(ends):
@@ -71,13 +77,16 @@ def assign_to_edges(
 
 
 def outline_deviation_px(beside: OutlinePlaces) -> float:
-    """By how many pixels, in the median, that piece of an outline's edges is off that is off most; 0 if no piece is seen well."""
+    """By how many pixels, in the median, that piece of an outline's edges is off that is off
+    most; 0 if no piece is seen well.
+    """
     measured = ~np.isnan(beside.beyond_px)
     piece, beyond = beside.piece[measured], beside.beyond_px[measured]
     order = np.argsort(piece, kind="stable")
     pieces = np.split(beyond[order], np.nonzero(np.diff(piece[order]))[0] + 1)
     return max(
-        (abs(float(np.median(piece))) for piece in pieces if len(piece) >= MIN_PIECE_PLACES), default=0.0
+        (abs(float(np.median(piece))) for piece in pieces if len(piece) >= MIN_PIECE_PLACES),
+        default=0.0,
     )
 
 
@@ -90,13 +99,17 @@ def _outline_edges(model: PartModel, camera: DepthCamera, T: Floats) -> Floats:
     return long_edges
 
 
-REFINEMENT_ROUNDS, MAX_SETTLING_ROUNDS = 6, 14  # of a refinement, and after those, until it is at rest
+# of a refinement, and after those, until it is at rest
+REFINEMENT_ROUNDS, MAX_SETTLING_ROUNDS = 6, 14
 LEAST_WITHIN = 3.0  # of the noise: what is farther from the surface is not compared in the end
 AT_REST_M, AT_REST_RAD = 1e-4, 2e-3  # a step so small is of whole pixels that change sides
 CLOSE_ROUNDS = 3  # rounds at the end, in which the outline is compared with the edges themselves
 AGREEING_NOISE = 3.5  # of the noise
-HIDING_NOISE = 10.0  # of the noise: what is in front of the part by more hides it; by less, it contradicts it
-LATERAL_PX = 0.05  # the standard deviation of where beams meet a refined pose: on a steep surface, it is one of the depth, too
+# of the noise: what is in front of the part by more hides it; by less, it contradicts it
+HIDING_NOISE = 10.0
+# the standard deviation of where beams meet a refined pose: on a steep surface, it is one of the
+# depth, too
+LATERAL_PX = 0.05
 EDGE_PX = 0.5  # the standard deviation of a place where the surface ends
 REACH_PX = 5
 MAX_SURFACE_POINTS = 1500  # of the surface that are compared in a round, at most
@@ -120,7 +133,8 @@ class ImageView:
 class PartPicture:
     """A part's picture at a pose, in a window of the image that begins at pixel (v0, u0).
 
-    `depth` and `owner` are those of the part alone; `apart` is how much deeper the image is, nan where nothing is known.
+    `depth` and `owner` are those of the part alone; `apart` is how much deeper the image is, nan
+    where nothing is known.
     """
 
     T: Floats
@@ -133,9 +147,11 @@ class PartPicture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutlineRim:
-    """Places of the outline: pixels (n, 2) as (u, v), outward directions (n, 2), and how far outside of them the image ends.
+    """Places of the outline: pixels (n, 2) as (u, v), outward directions (n, 2), and how far
+    outside of them the image ends.
 
-    `shift_px` (n,) is nan where this cannot be seen; `continues` (n,) says where the surface does not end.
+    `shift_px` (n,) is nan where this cannot be seen; `continues` (n,) says where the surface does
+    not end.
     """
 
     at: Floats
@@ -145,32 +161,49 @@ class OutlineRim:
 
     @property
     def ended(self) -> Floats:
-        """The last pixel that shows the surface and the next one (n, 2, 2); nan where this cannot be seen."""
+        """The last pixel that shows the surface and the next one (n, 2, 2); nan where this
+        cannot be seen.
+        """
         steps = self.shift_px[:, None] + [0.0, 1.0]
-        rim_pixels: Floats = np.floor(self.at[:, None] + steps[..., None] * self.outward[:, None] + 0.5)
+        rim_pixels: Floats = np.floor(
+            self.at[:, None] + steps[..., None] * self.outward[:, None] + 0.5
+        )
         return rim_pixels
 
 
-def picture_part(model: PartModel, image: DepthImage, T: Floats, around_px: int = 8) -> PartPicture | None:
-    """The part's picture at a pose T_camera_part (4, 4), with some pixels around; None if it lies outside the image."""
+def picture_part(
+    model: PartModel, image: DepthImage, T: Floats, around_px: int = 8
+) -> PartPicture | None:
+    """The part's picture at a pose T_camera_part (4, 4), with some pixels around; None if it
+    lies outside the image.
+    """
     camera = image.camera
     corners = apply(T, model.solid.vertices)
     if corners[:, 2].min() < 1e-3:
         return None
     u, v = camera.pixels(corners)
     u0, v0 = max(0, int(u.min()) - around_px), max(0, int(v.min()) - around_px)
-    u1, v1 = min(camera.width, int(u.max()) + around_px + 1), min(camera.height, int(v.max()) + around_px + 1)
+    u1, v1 = (
+        min(camera.width, int(u.max()) + around_px + 1),
+        min(camera.height, int(v.max()) + around_px + 1),
+    )
     if u1 - u0 < 3 or v1 - v0 < 3:
         return None
-    seen = Range((v1 - v0, u1 - u0), camera.focal_px, (camera.centre_px[0] - u0, camera.centre_px[1] - v0))
+    seen = Range(
+        (v1 - v0, u1 - u0), camera.focal_px, (camera.centre_px[0] - u0, camera.centre_px[1] - v0)
+    )
     draw(seen, np.ascontiguousarray(corners.reshape(-1, 3, 3)), model.solid.facet_of)
     measured = image.depth[v0:v1, u0:u1]
     apart = np.where((measured > 0) & (seen.owner >= 0), measured - seen.depth, np.nan)
     return PartPicture(T, v0, u0, seen.depth, seen.owner, apart)
 
 
-def judge_pose(model: PartModel, view: ImageView, T: Floats, closely: bool = False) -> PoseHypothesis | None:
-    """What an image says of a pose; None if the part would not be in it. Only `closely`, the edges are looked at one by one."""
+def judge_pose(
+    model: PartModel, view: ImageView, T: Floats, closely: bool = False
+) -> PoseHypothesis | None:
+    """What an image says of a pose; None if the part would not be in it. Only `closely`, the
+    edges are looked at one by one.
+    """
     image, seen = view.image, picture_part(model, view.image, T)
     if seen is None:
         return None
@@ -194,14 +227,18 @@ def judge_pose(model: PartModel, view: ImageView, T: Floats, closely: bool = Fal
         float(good.sum() / max(informative.sum(), 1)),
         agree,
         float(explained + ended) - AGREEING_NOISE**2 * through,
-        outline_deviation_px(assign_to_edges(model, image.camera, T, rim.at, rim.outward, rim.ended))
+        outline_deviation_px(
+            assign_to_edges(model, image.camera, T, rim.at, rim.outward, rim.ended)
+        )
         if closely
         else 0.0,
     )
 
 
 def _depth_deviations(model: PartModel, image: DepthImage, seen: PartPicture) -> Floats:
-    """The standard deviation of each pixel's depth (h, w) in a window: noise, and on steep surfaces where exactly its beam meets."""
+    """The standard deviation of each pixel's depth (h, w) in a window: noise, and on steep
+    surfaces where exactly its beam meets.
+    """
     steep = np.hypot(*_facet_planes(model, image, seen.T)[:, :2].T)[seen.owner]
     deviations: Floats = np.hypot(image.noise_m, LATERAL_PX * steep * seen.depth**2)
     return deviations
@@ -210,7 +247,8 @@ def _depth_deviations(model: PartModel, image: DepthImage, seen: PartPicture) ->
 def outline_rim(model: PartModel, view: ImageView, seen: PartPicture) -> OutlineRim:
     """The outline of a part's picture, compared with the image.
 
-    Where what is known lies beyond, the surface does not continue: there it meets the floor at a flat angle.
+    Where what is known lies beyond, the surface does not continue: there it meets the floor at a
+    flat angle.
     """
     image = view.image
     at, outward = border(seen.owner >= 0)
@@ -223,7 +261,8 @@ def outline_rim(model: PartModel, view: ImageView, seen: PartPicture) -> Outline
     )
     far = np.rint(at + (REACH_PX - 1) * outward).astype(np.int64)
     known_window = view.known[
-        np.clip(far[:, 1], 0, image.camera.height - 1), np.clip(far[:, 0], 0, image.camera.width - 1)
+        np.clip(far[:, 1], 0, image.camera.height - 1),
+        np.clip(far[:, 0], 0, image.camera.width - 1),
     ]
     return OutlineRim(at, outward, shift, goes_on & ~known_window)
 
@@ -240,7 +279,9 @@ def _facet_planes(model: PartModel, image: DepthImage, T: Floats) -> Floats:
 def refine_pose(
     model: PartModel, view: ImageView, T: Floats, rounds: int = REFINEMENT_ROUNDS
 ) -> tuple[Floats, Floats]:
-    """The pose near to one that fits the image a little better after some rounds, and its covariance (6, 6) about the part's origin."""
+    """The pose near to one that fits the image a little better after some rounds, and its
+    covariance (6, 6) about the part's origin.
+    """
     covariance = np.full((6, 6), np.inf)
     for round_ in range(rounds):
         bettered = _improve_pose(model, view, T, max(LEAST_WITHIN, 8.0 - 2.0 * round_))
@@ -253,10 +294,12 @@ def refine_pose(
 
 
 def settle_pose(model: PartModel, view: ImageView, T: Floats) -> tuple[Floats, Floats]:
-    """The pose near to one that fits the image best, and its covariance (6, 6) about the part's origin.
+    """The pose near to one that fits the image best, and its covariance (6, 6) about the part's
+    origin.
 
-    Pixels and places of the outline that belong to it change with the pose, so it may take many rounds. In the last ones, the outline is compared with
-    the edges themselves, which are not bound to pixels.
+    Pixels and places of the outline that belong to it change with the pose, so it may take many
+    rounds. In the last ones, the outline is compared with the edges themselves, which are not bound
+    to pixels.
     """
     T, covariance = refine_pose(model, view, T)
     for closely, most in ((False, MAX_SETTLING_ROUNDS), (True, CLOSE_ROUNDS)):
@@ -276,7 +319,9 @@ def settle_pose(model: PartModel, view: ImageView, T: Floats) -> tuple[Floats, F
 def _improve_pose(
     model: PartModel, view: ImageView, T: Floats, within: float, closely: bool = False
 ) -> tuple[Floats, Floats, Floats] | None:
-    """The pose after one step, its covariance (6, 6) and the step (6,); None if the image says too little."""
+    """The pose after one step, its covariance (6, 6) and the step (6,); None if the image says
+    too little.
+    """
     seen = picture_part(model, view.image, T)
     if seen is None:
         return None
@@ -295,7 +340,9 @@ def _improve_pose(
 def _pose_equations(
     model: PartModel, view: ImageView, seen: PartPicture, within: float, closely: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """Rows (n, 6), what they lack in metres (n,), and weights (n,), for a displacement and a turn about the part's origin."""
+    """Rows (n, 6), what they lack in metres (n,), and weights (n,), for a displacement and a
+    turn about the part's origin.
+    """
     surface = _surface_equations(model, view.image, seen, within)
     rim = outline_rim(model, view, seen)
     if closely:
@@ -330,7 +377,9 @@ def _cross_rows(first: Floats, second: Floats) -> Floats:
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
 
 
-def _rim_equations(image: DepthImage, seen: PartPicture, rim: OutlineRim) -> tuple[Floats, Floats, Floats]:
+def _rim_equations(
+    image: DepthImage, seen: PartPicture, rim: OutlineRim
+) -> tuple[Floats, Floats, Floats]:
     informative = ~np.isnan(rim.shift_px)
     at, outward, shift = rim.at[informative], rim.outward[informative], rim.shift_px[informative]
     rays = image.camera.rays(at[:, 0], at[:, 1])

@@ -1,7 +1,8 @@
 """Edges of a range image (step, roof, crease), by planes fitted through small windows.
 
-On a plane the inverse depth is linear in the picture, whichever way the plane leans. Least squares over a window beside a pixel
-tell the inverse depth and its slopes at the pixel itself, and how sure they are.
+On a plane the inverse depth is linear in the picture, whichever way the plane leans. Least squares
+over a window beside a pixel tell the inverse depth and its slopes at the pixel itself, and how sure
+they are.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,9 @@ ACROSS, ALONG = 0, 1  # axes of the picture: rows follow each other down, column
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WindowPlanes:
-    """Inverse depth and its slopes to the right and down (h, w, 3), their covariance (h, w, 3, 3) for a noise of 1, and where known."""
+    """Inverse depth and its slopes to the right and down (h, w, 3), their covariance (h, w, 3,
+    3) for a noise of 1, and where known.
+    """
 
     value: Floats
     covariance: Floats
@@ -33,7 +36,9 @@ class WindowPlanes:
         (cx, cy), f = camera.centre_px, camera.focal_px
         normal = np.stack([right * f, down * f, w - right * (u - cx) - down * (v - cy)], axis=-1)
         length = np.linalg.norm(normal, axis=-1, keepdims=True)
-        normals: Floats = np.where(self.known[..., None], -normal / np.where(length > 0, length, 1.0), np.nan)
+        normals: Floats = np.where(
+            self.known[..., None], -normal / np.where(length > 0, length, 1.0), np.nan
+        )
         return normals
 
 
@@ -47,22 +52,30 @@ def inverse_depths(image: RangeImage) -> tuple[Floats, Floats]:
 
 
 def incidence_cosines(image: RangeImage) -> Floats:
-    """The cosine (h, w) of the incidence of each beam, by the pixels around; 1 where that is not known."""
+    """The cosine (h, w) of the incidence of each beam, by the pixels around; 1 where that is
+    not known.
+    """
     inverse, _ = inverse_depths(image)
     planes = planes_beside(inverse, (-SLOPE_PX, SLOPE_PX), (-SLOPE_PX, SLOPE_PX))
     cosine = np.abs((planes.normals(image.camera) * image.beams).sum(axis=-1))
-    cosines_entry: Floats = np.clip(np.where(np.isfinite(cosine), cosine, 1.0), MIN_INCIDENCE_COSINE, 1.0)
+    cosines_entry: Floats = np.clip(
+        np.where(np.isfinite(cosine), cosine, 1.0), MIN_INCIDENCE_COSINE, 1.0
+    )
     return cosines_entry
 
 
 def planes_beside(inverse: Floats, right: tuple[int, int], down: tuple[int, int]) -> WindowPlanes:
-    """The planes through the pixels that are right[0] to right[1] columns to the right of each, and down[0] to down[1] rows down."""
+    """The planes through the pixels that are right[0] to right[1] columns to the right of each,
+    and down[0] to down[1] rows down.
+    """
     answered = (inverse > 0).astype(float)
     powers = [(p, q) for p in range(3) for q in range(3 - p)]
     sums = {key: _window_sums(answered, right, down, *key) for key in powers}
     values = [_window_sums(inverse, right, down, *key) for key in ((0, 0), (1, 0), (0, 1))]
     basis = ((0, 0), (1, 0), (0, 1))
-    normal = np.stack([np.stack([sums[a + c, b + d] for c, d in basis], axis=-1) for a, b in basis], axis=-2)
+    normal = np.stack(
+        [np.stack([sums[a + c, b + d] for c, d in basis], axis=-1) for a, b in basis], axis=-2
+    )
     scale = np.array([1.0, *(max(1.0, max(map(abs, offsets))) for offsets in (right, down))])
     scaled = normal / np.outer(scale, scale)
     enough = (sums[0, 0] >= MIN_WINDOW_ANSWERS) & (np.linalg.det(scaled) > 1e-3)
@@ -72,8 +85,12 @@ def planes_beside(inverse: Floats, right: tuple[int, int], down: tuple[int, int]
     return WindowPlanes(value, covariance, enough & (value[..., 0] > 0))
 
 
-def _window_sums(values: Floats, right: tuple[int, int], down: tuple[int, int], p: int, q: int) -> Floats:
-    """The sums (h, w), over a window beside each pixel, of values times powers of the steps to the right and down."""
+def _window_sums(
+    values: Floats, right: tuple[int, int], down: tuple[int, int], p: int, q: int
+) -> Floats:
+    """The sums (h, w), over a window beside each pixel, of values times powers of the steps to
+    the right and down.
+    """
     sums = values
     for (first, last), power, axis in ((right, p, ALONG), (down, q, ACROSS)):
         reach = max(abs(first), abs(last))
@@ -96,9 +113,11 @@ FULL_WINDOW_SHARE = 0.7  # of a window: so much of it must have answers for the 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _EdgeSides:
-    """What differs (h, w) across an edge along one axis: the jump and the turn, each also by its standard deviation.
+    """What differs (h, w) across an edge along one axis: the jump and the turn, each also by its
+    standard deviation.
 
-    `meet` says where the two planes meet at the pixel, `ends` where the surface ends before nothing.
+    `meet` says where the two planes meet at the pixel, `ends` where the surface ends before
+    nothing.
     """
 
     jump_m: Floats
@@ -135,7 +154,9 @@ def _compare_sides(image: RangeImage, inverse: Floats, noise: Floats, axis: int)
         ((-WINDOW_REACH_PX, -1), (-WINDOW_BESIDE_PX, WINDOW_BESIDE_PX)),
         ((1, WINDOW_REACH_PX), (-WINDOW_BESIDE_PX, WINDOW_BESIDE_PX)),
     )
-    before, after = (planes_beside(inverse, *(window if axis == 1 else window[::-1])) for window in windows)
+    before, after = (
+        planes_beside(inverse, *(window if axis == 1 else window[::-1])) for window in windows
+    )
     both = before.known & after.known
     least = np.maximum(before.value[..., 0], after.value[..., 0])
     safe = np.where(both, least, 1.0)
@@ -156,11 +177,15 @@ def _compare_sides(image: RangeImage, inverse: Floats, noise: Floats, axis: int)
     turn = np.where(both, np.arctan2(sine, cosine), 0.0)
     convex = np.where(both, (normals_after - normals_before)[..., 1 - axis], 0.0) > 0
     jump = np.where(both, np.abs(apart[..., 0]) / safe**2 / image.beams[..., 2], 0.0)
-    return _EdgeSides(jump, jump_by, meet, turn, turn_by, convex, _surface_ends(inverse, before, after, axis))
+    return _EdgeSides(
+        jump, jump_by, meet, turn, turn_by, convex, _surface_ends(inverse, before, after, axis)
+    )
 
 
 def _surface_ends(inverse: Floats, before: WindowPlanes, after: WindowPlanes, axis: int) -> Truths:
-    """Where a surface is on one side (h, w), and nothing answers on the other: the last pixel of it."""
+    """Where a surface is on one side (h, w), and nothing answers on the other: the last pixel
+    of it.
+    """
     answered = (inverse > 0).astype(float)
     ends = np.zeros(inverse.shape, dtype=bool)
     for side, towards in ((before, 1), (after, -1)):
@@ -173,19 +198,26 @@ def _surface_ends(inverse: Floats, before: WindowPlanes, after: WindowPlanes, ax
 
 
 def _answer_share(answered: Floats, axis: int, towards: int) -> Floats:
-    """The share (h, w) of the window beside each pixel that has answers; what lies beyond the picture counts as if it had."""
+    """The share (h, w) of the window beside each pixel that has answers; what lies beyond the
+    picture counts as if it had.
+    """
     steps = np.arange(-WINDOW_REACH_PX, WINDOW_REACH_PX + 1) * towards
     weights = ((steps >= 1) & (steps <= WINDOW_REACH_PX)) / WINDOW_REACH_PX
     along = ndimage.correlate1d(answered, weights, axis=axis, mode="constant", cval=1.0)
-    share: Floats = ndimage.uniform_filter1d(along, 2 * WINDOW_BESIDE_PX + 1, axis=1 - axis, mode="nearest")
+    share: Floats = ndimage.uniform_filter1d(
+        along, 2 * WINDOW_BESIDE_PX + 1, axis=1 - axis, mode="nearest"
+    )
     return np.where(share < 1e-9, 0.0, share)
 
 
 def _edge_kinds(sides: _EdgeSides, axis: int) -> Longs:
-    """The kind of edge (h, w) that each pixel is on along an axis: where the difference is greatest."""
+    """The kind of edge (h, w) that each pixel is on along an axis: where the difference is
+    greatest.
+    """
     apart = (sides.jump_by > STEP_EDGE_SIGMAS) & ~sides.meet
     step = apart & _is_greatest(sides.jump_m, axis, WINDOW_REACH_PX)
-    # Beside a step one window already reaches across it: its range differs less there, but its slope more.
+    # Beside a step one window already reaches across it: its range differs less there, but its
+    # slope more.
     beside = np.maximum(
         _shift_pixels(sides.turn_rad, WINDOW_REACH_PX + 1, axis),
         _shift_pixels(sides.turn_rad, -WINDOW_REACH_PX - 1, axis),
@@ -215,6 +247,8 @@ def _drop_single_pixels(kind: Longs) -> Longs:
     """The edges without single pixels, which noise makes."""
     lasting = np.zeros_like(kind)
     for edge_kind in (EdgeKind.STEP, EdgeKind.ROOF, EdgeKind.CREASE):
-        near = ndimage.convolve((kind == edge_kind).astype(int), np.ones((3, 3), int), mode="constant")
+        near = ndimage.convolve(
+            (kind == edge_kind).astype(int), np.ones((3, 3), int), mode="constant"
+        )
         lasting = np.where((kind == edge_kind) & (near >= 3), int(edge_kind), lasting)
     return lasting

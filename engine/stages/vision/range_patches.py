@@ -1,7 +1,7 @@
 """Patches of a range image: as measured points with uncertainty, and where one is best placed.
 
-A range is uncertain by the noise of its signal, and, where the surface leans, by where the beam pointed. Pixels beside
-an edge see two surfaces; they are left out.
+A range is uncertain by the noise of its signal, and, where the surface leans, by where the beam
+pointed. Pixels beside an edge see two surfaces; they are left out.
 """
 
 import math
@@ -13,7 +13,14 @@ from scipy import ndimage
 from cellwright.engine.kernels.arrays import Floats, Truths
 from cellwright.engine.model.geometry import Solid
 from cellwright.engine.model.shape_fits import Cloud
-from cellwright.engine.model.vision import EdgeImage, EdgeKind, PixelWindow, RangeImage, beams_of, picture_of
+from cellwright.engine.model.vision import (
+    EdgeImage,
+    EdgeKind,
+    PixelWindow,
+    RangeImage,
+    beams_of,
+    picture_of,
+)
 from cellwright.engine.stages.vision.range_edges import incidence_cosines
 from cellwright.engine.stages.vision.sensor_images import beam_px, exact_ranges
 from cellwright.kb.model.cell_model import Ranging
@@ -28,13 +35,17 @@ def guard_pixels(image: RangeImage, edges: EdgeImage) -> Truths:
     step = ndimage.binary_dilation(edges.on(EdgeKind.STEP), np.ones((2 * wide + 1,) * 2))
     turn = edges.on(EdgeKind.ROOF) | edges.on(EdgeKind.CREASE)
     guarded_entry: Truths = (
-        (image.range_m > 0) & ~step & ~ndimage.binary_dilation(turn, np.ones((2 * BESIDE_EDGE_PX + 1,) * 2))
+        (image.range_m > 0)
+        & ~step
+        & ~ndimage.binary_dilation(turn, np.ones((2 * BESIDE_EDGE_PX + 1,) * 2))
     )
     return guarded_entry
 
 
 def range_sigmas(image: RangeImage) -> Floats:
-    """The standard deviation (h, w) of each range along its beam in metres; infinite without an answer."""
+    """The standard deviation (h, w) of each range along its beam in metres; infinite without an
+    answer.
+    """
     cosine = incidence_cosines(image)
     lean = image.tool.pointing_rad * image.range_m * np.sqrt(1.0 - cosine**2) / cosine
     sigmas: Floats = np.hypot(image.noise_m, lean)
@@ -57,7 +68,8 @@ def cloud_of(image: RangeImage, edges: EdgeImage, window: PixelWindow) -> Cloud:
 def _usual_strength(image: RangeImage, used: Truths) -> Floats:
     """The mean strength (h, w) of the used pixels around each.
 
-    A beam that points beside its direction errs in range and in strength together; a weight from its own strength would bias the fit.
+    A beam that points beside its direction errs in range and in strength together; a weight from
+    its own strength would bias the fit.
     """
     size = 2 * AROUND_PX + 1
     total = ndimage.uniform_filter(np.where(used, image.strength, 0.0), size, mode="constant")
@@ -66,15 +78,19 @@ def _usual_strength(image: RangeImage, used: Truths) -> Floats:
     return usual
 
 
-SAME_M = 2e-4  # off the plane of the measured point: what is expected so near belongs to its surface
+# off the plane of the measured point: what is expected so near belongs to its surface
+SAME_M = 2e-4
 MISPLACED_M = (
-    0.002  # how far the part may lie from where it is expected: a patch keeps off edges by this much
+    # how far the part may lie from where it is expected: a patch keeps off edges by this much
+    0.002
 )
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedPatch:
-    """A patch in the picture, and the standard deviation in metres to be expected of the surface's distance at the point."""
+    """A patch in the picture, and the standard deviation in metres to be expected of the
+    surface's distance at the point.
+    """
 
     window: PixelWindow
     sigma_m: float
@@ -88,9 +104,11 @@ def place_patch(
     sides_m: tuple[float, float],
     sizes: int = 5,
 ) -> PlacedPatch | None:
-    """The square patch, with a side between two lengths, that leaves the least uncertainty of a surface at a point (3,) with a normal.
+    """The square patch, with a side between two lengths, that leaves the least uncertainty of a
+    surface at a point (3,) with a normal.
 
-    All is in the frame of the eye; solids stand at T_eye_solid. None if no patch fits on the surface that is seen there.
+    All is in the frame of the eye; solids stand at T_eye_solid. None if no patch fits on the
+    surface that is seen there.
     """
     camera = picture_of(tool)
     if point[2] <= 0:
@@ -115,7 +133,9 @@ def place_patch(
 def _running_sums(
     metres: Floats, facing: Floats, tool: Ranging, point: Floats, normal: Floats, free: Truths
 ) -> Floats:
-    """The running sums (6, h + 1, w + 1) of what pixels tell of a plane: 1, x, y, xx, xy, yy by their variances."""
+    """The running sums (6, h + 1, w + 1) of what pixels tell of a plane: 1, x, y, xx, xy, yy by
+    their variances.
+    """
     camera = picture_of(tool)
     across = np.eye(3)[int(np.argmin(np.abs(normal)))]
     x_axis = np.cross(across, normal)
@@ -124,7 +144,9 @@ def _running_sums(
     x, y = from_point @ x_axis, from_point @ np.cross(normal, x_axis)
     cosine = np.where(free, facing, 1.0)
     strength = np.where(free, facing * (tool.at_m / np.where(free, metres, 1.0)) ** 2, 1.0)
-    along = np.hypot(tool.noise_m / strength, tool.pointing_rad * metres * np.sqrt(1 - cosine**2) / cosine)
+    along = np.hypot(
+        tool.noise_m / strength, tool.pointing_rad * metres * np.sqrt(1 - cosine**2) / cosine
+    )
     weight = np.where(free, 1.0 / np.maximum(along * cosine, 1e-12) ** 2, 0.0)
     rows = np.stack([weight * value for value in (np.ones_like(x), x, y, x * x, x * y, y * y)])
     return np.pad(rows.cumsum(axis=1).cumsum(axis=2), ((0, 0), (1, 0), (1, 0)))
@@ -133,7 +155,9 @@ def _running_sums(
 def _best_square(
     sums: Floats, free: Truths, side: int, at: tuple[float, float], reach_px: float
 ) -> PlacedPatch | None:
-    """The best of all squares of a side whose pixels are all free and not farther than `reach_px` from a place (u, v)."""
+    """The best of all squares of a side whose pixels are all free and not farther than
+    `reach_px` from a place (u, v).
+    """
     height, width = free.shape
     if side >= min(height, width):
         return None
@@ -154,7 +178,9 @@ def _best_square(
     if not allowed.any():
         return None
     w, x, y, xx, xy, yy = windowed(sums)[:, allowed]
-    matrix = np.stack([np.stack([w, x, y], -1), np.stack([x, xx, xy], -1), np.stack([y, xy, yy], -1)], -2)
+    matrix = np.stack(
+        [np.stack([w, x, y], -1), np.stack([x, xx, xy], -1), np.stack([y, xy, yy], -1)], -2
+    )
     variance = np.linalg.inv(matrix)[:, 0, 0]
     # Equal but for rounding: the one nearest to the point.
     order = np.lexsort((far[allowed], np.round(np.log(variance), 6)))

@@ -28,8 +28,8 @@ from cellwright.kb.model.cell_model import Ranging
 class DepthSensor:
     """How a sensor errs: a normal error of `noise_m`, and a share of pixels without an answer.
 
-    Beyond `grazing_rad` between the ray and the surface's normal there is no answer either. At a jump in depth, a share
-    `mixed` of the pixels answers with a depth between the two sides.
+    Beyond `grazing_rad` between the ray and the surface's normal there is no answer either. At a
+    jump in depth, a share `mixed` of the pixels answers with a depth between the two sides.
     """
 
     noise_m: float = 0.001
@@ -38,7 +38,9 @@ class DepthSensor:
     mixed: float = 0.0
 
 
-def render_depths(solids: Sequence[tuple[Solid, Floats]], camera: DepthCamera) -> tuple[DepthImage, Longs]:
+def render_depths(
+    solids: Sequence[tuple[Solid, Floats]], camera: DepthCamera
+) -> tuple[DepthImage, Longs]:
     """What a camera sees of solids at poses T_camera_solid (4, 4), without error.
 
     Returns the image, and for each pixel the number of the solid (height, width), -1 for none.
@@ -54,10 +56,14 @@ def disturb_image(image: DepthImage, sensor: DepthSensor, seed: int) -> DepthIma
     """The image as a sensor gives it; the same seed gives the same errors."""
     random = np.random.default_rng(seed)
     depth = image.depth.copy()
-    depth = np.where(random.random(depth.shape) < sensor.mixed, _mix_neighbours(depth, random), depth)
+    depth = np.where(
+        random.random(depth.shape) < sensor.mixed, _mix_neighbours(depth, random), depth
+    )
     seen = depth > 0
     depth = np.where(seen, depth + random.normal(0.0, sensor.noise_m, depth.shape), 0.0)
-    lost = (random.random(depth.shape) < sensor.dropouts) | _grazing_pixels(image, sensor.grazing_rad)
+    lost = (random.random(depth.shape) < sensor.dropouts) | _grazing_pixels(
+        image, sensor.grazing_rad
+    )
     return replace(image, depth=np.where(lost, 0.0, np.maximum(depth, 0.0)), noise_m=sensor.noise_m)
 
 
@@ -89,7 +95,8 @@ def _grazing_pixels(image: DepthImage, grazing_rad: float) -> Truths:
 Waves = NDArray[np.complex128]
 BEAMS_PER_PIXEL = 5  # beams across a pixel that are followed
 MARGIN_PX = 3  # beside the picture, for beams that reach beyond it
-SURE_CYCLE_SIGMAS = 4.0  # standard deviations: an expectation this far from the next cycle is not mistaken
+# standard deviations: an expectation this far from the next cycle is not mistaken
+SURE_CYCLE_SIGMAS = 4.0
 STEPPED_PX, FARTHEST_PX = (
     2,
     16,
@@ -116,8 +123,12 @@ def scan_solids(
     return RangeImage(tool, np.where(lost, 0.0, wrapped), np.where(lost, 0.0, strength), True)
 
 
-def exact_ranges(solids: Sequence[tuple[Solid, Floats]], camera: DepthCamera) -> tuple[Floats, Floats, Range]:
-    """Ranges (h, w) without error, 0 for nothing, cosines (h, w) of the incidence, and the triangles that are seen."""
+def exact_ranges(
+    solids: Sequence[tuple[Solid, Floats]], camera: DepthCamera
+) -> tuple[Floats, Floats, Range]:
+    """Ranges (h, w) without error, 0 for nothing, cosines (h, w) of the incidence, and the
+    triangles that are seen.
+    """
     picture = Range((camera.height, camera.width), camera.focal_px, camera.centre_px)
     corners = np.concatenate(
         [np.zeros((0, 3, 3)), *(apply(T, solid.vertices).reshape(-1, 3, 3) for solid, T in solids)]
@@ -140,7 +151,9 @@ def _returned_waves(solids: Sequence[tuple[Solid, Floats]], tool: Ranging, finer
     camera = picture_of(tool)
     width, height = (finer * (pixels + 2 * MARGIN_PX) for pixels in (camera.width, camera.height))
     cx, cy = (finer * (centre + MARGIN_PX) + (finer - 1) / 2 for centre in camera.centre_px)
-    metres, facing, _ = exact_ranges(solids, DepthCamera(width, height, finer * camera.focal_px, (cx, cy)))
+    metres, facing, _ = exact_ranges(
+        solids, DepthCamera(width, height, finer * camera.focal_px, (cx, cy))
+    )
     met = metres > 0
     strength = np.where(met, facing * (tool.at_m / np.where(met, metres, 1.0)) ** 2, 0.0)
     returned: Waves = strength * np.exp(2j * FULL_TURN_RAD / tool.wavelength_m * metres)
@@ -148,7 +161,9 @@ def _returned_waves(solids: Sequence[tuple[Solid, Floats]], tool: Ranging, finer
 
 
 def beam_px(tool: Ranging) -> float:
-    """The standard deviation of the intensity across a beam in pixels: a quarter of its full width at 1/e^2."""
+    """The standard deviation of the intensity across a beam in pixels: a quarter of its full
+    width at 1/e^2.
+    """
     return tool.beam_rad / 4.0 * picture_of(tool).focal_px
 
 
@@ -156,10 +171,13 @@ def _at_beams(wave: Waves, tool: Ranging, finer: int, random: np.random.Generato
     """What comes back of each beam (height, width): summed over its width, where it points."""
     spread = finer * beam_px(tool)
     real, imaginary = (
-        ndimage.gaussian_filter(component, spread, truncate=4.0) for component in (wave.real, wave.imag)
+        ndimage.gaussian_filter(component, spread, truncate=4.0)
+        for component in (wave.real, wave.imag)
     )
     off = tool.pointing_rad * picture_of(tool).focal_px
-    at = np.mgrid[: tool.height, : tool.width] + off * random.normal(size=(2, tool.height, tool.width))
+    at = np.mgrid[: tool.height, : tool.width] + off * random.normal(
+        size=(2, tool.height, tool.width)
+    )
     at = finer * (at + MARGIN_PX) + (finer - 1) / 2
     # Lines between samples would make each beam wider than it is; cubic splines do not.
     waves: Waves = ndimage.map_coordinates(real, at, order=3) + 1j * ndimage.map_coordinates(
@@ -169,11 +187,13 @@ def _at_beams(wave: Waves, tool: Ranging, finer: int, random: np.random.Generato
 
 
 def resolve_ranges(image: RangeImage, expected_m: Floats, sigma_m: float) -> Resolving:
-    """The image with whole ranges: of those that the phase allows, the nearest to the expected ones (height, width).
+    """The image with whole ranges: of those that the phase allows, the nearest to the expected ones
+    (height, width).
 
-    `sigma_m` is the standard deviation of the expectation. Where nothing is expected (0), or the nearest range is farther off than
-    four standard deviations, something else is there, whose range is not known: these pixels have no answer. Beside an expected
-    step a beam may meet both sides; its range may be any, and it is kept.
+    `sigma_m` is the standard deviation of the expectation. Where nothing is expected (0), or the
+    nearest range is farther off than four standard deviations, something else is there, whose range
+    is not known: these pixels have no answer. Beside an expected step a beam may meet both sides;
+    its range may be any, and it is kept.
     """
     cycle = image.tool.wavelength_m / 2.0
     if not image.wrapped:
@@ -181,7 +201,8 @@ def resolve_ranges(image: RangeImage, expected_m: Floats, sigma_m: float) -> Res
     if not SURE_CYCLE_SIGMAS * sigma_m <= cycle / 2.0:
         most = cycle / 2.0 / SURE_CYCLE_SIGMAS
         return Vague(
-            f"ranges repeat every {1e3 * cycle:.4g} mm, so the surface must be expected to {1e3 * most:.3g} mm"
+            f"ranges repeat every {1e3 * cycle:.4g} mm, so the surface must be expected to "
+            f"{1e3 * most:.3g} mm"
             f" (standard deviation); it is to {1e3 * sigma_m:.3g} mm"
         )
     wide = _reach_px(image, expected_m, sigma_m)
@@ -196,7 +217,9 @@ def resolve_ranges(image: RangeImage, expected_m: Floats, sigma_m: float) -> Res
 
 
 def _reach_px(image: RangeImage, expected_m: Floats, sigma_m: float) -> int:
-    """How many pixels from where it is expected a step may be: as far as a beam reaches, and two standard deviations."""
+    """How many pixels from where it is expected a step may be: as far as a beam reaches, and
+    two standard deviations.
+    """
     somewhere = expected_m[expected_m > 0]
     if not len(somewhere):
         return STEPPED_PX
@@ -205,7 +228,9 @@ def _reach_px(image: RangeImage, expected_m: Floats, sigma_m: float) -> int:
 
 
 def _near_steps(expected_m: Floats, by_m: float, wide: int) -> Truths:
-    """The pixels (h, w) that are at most `wide` from where the expected ranges of neighbours differ by more than `by_m`, or end."""
+    """The pixels (h, w) that are at most `wide` from where the expected ranges of neighbours
+    differ by more than `by_m`, or end.
+    """
     apart = ndimage.maximum_filter(expected_m, 3, mode="nearest") - ndimage.minimum_filter(
         expected_m, 3, mode="nearest"
     )
@@ -216,7 +241,9 @@ def _near_steps(expected_m: Floats, by_m: float, wide: int) -> Truths:
 
 
 def _spread_ranges(expected_m: Floats, wide: int) -> Floats:
-    """The expected ranges (h, w), and beside them, at most `wide` pixels away, those of the nearest pixel."""
+    """The expected ranges (h, w), and beside them, at most `wide` pixels away, those of the
+    nearest pixel.
+    """
     if not (expected_m > 0).any():
         return expected_m
     far, (v, u) = ndimage.distance_transform_edt(expected_m <= 0, return_indices=True)
@@ -234,12 +261,15 @@ def _keep_known(image: RangeImage, whole: Floats, usable: Truths) -> RangeImage:
 
 
 def expected_ranges(solids: Sequence[tuple[Solid, Floats]], tool: Ranging) -> Floats:
-    """The ranges (height, width) that are expected of solids at poses T_eye_solid (4, 4); 0 where nothing is."""
+    """The ranges (height, width) that are expected of solids at poses T_eye_solid (4, 4); 0
+    where nothing is.
+    """
     return exact_ranges(solids, picture_of(tool))[0]
 
 
 def of_depths(depth_m: Floats, tool: Ranging, step_m: float = 0.0) -> RangeImage:
-    """The image of depths (height, width) along the axis, as depth cameras write them, in steps of `step_m` if they are rounded.
+    """The image of depths (height, width) along the axis, as depth cameras write them, in steps of
+    `step_m` if they are rounded.
 
     Strengths are not known; they are those that a surface of the usual shine has there.
     """

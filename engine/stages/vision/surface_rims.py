@@ -1,7 +1,8 @@
 """The rim of a plane surface in a range image, to a fraction of a pixel.
 
-What comes back is the sum of what both surfaces return (see `ranging`). The surface is known as a plane, and what lies beyond the
-rim from the pixels there; so the share of the beam on the surface follows, and with it how far the beam's middle is from the rim.
+What comes back is the sum of what both surfaces return (see `ranging`). The surface is known as a
+plane, and what lies beyond the rim from the pixels there; so the share of the beam on the surface
+follows, and with it how far the beam's middle is from the rim.
 """
 
 import math
@@ -31,11 +32,13 @@ MIN_BEAM_SIGMA_PX = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceRim:
-    """Points of a rim in the frame of the eye, with their deviations, and how they follow from pixels and directions in the picture.
+    """Points of a rim in the frame of the eye, with their deviations, and how they follow from
+    pixels and directions in the picture.
 
-    `pixels` (n, 2), as (u, v), are where beams point, `inside_px` (n,) how far each is from the rim on the surface's side, `sigma_px` (n,)
-    the standard deviation of that, `outward` (n, 2) the directions away from the surface. `beam_m` and `pointing_m` are the standard
-    deviations of the beam's intensity and of its direction, on the plane.
+    `pixels` (n, 2), as (u, v), are where beams point, `inside_px` (n,) how far each is from the rim
+    on the surface's side, `sigma_px` (n,) the standard deviation of that, `outward` (n, 2) the
+    directions away from the surface. `beam_m` and `pointing_m` are the standard deviations of the
+    beam's intensity and of its direction, on the plane.
     """
 
     cloud: Cloud
@@ -47,8 +50,12 @@ class SurfaceRim:
     pointing_m: float
 
 
-def find_rim(image: RangeImage, normal: Floats, offset_m: float, window: PixelWindow) -> SurfaceRim | None:
-    """The rim of a plane normal . x = offset in a window, where it ends before something farther or nothing; None without one."""
+def find_rim(
+    image: RangeImage, normal: Floats, offset_m: float, window: PixelWindow
+) -> SurfaceRim | None:
+    """The rim of a plane normal . x = offset in a window, where it ends before something
+    farther or nothing; None without one.
+    """
     if beam_px(image.tool) < MIN_BEAM_SIGMA_PX:
         return None
     wave = _image_waves(image)
@@ -85,27 +92,38 @@ def find_rim(image: RangeImage, normal: Floats, offset_m: float, window: PixelWi
 
 
 def _image_waves(image: RangeImage) -> Waves:
-    waves: Waves = image.strength * np.exp(2j * FULL_TURN_RAD / image.tool.wavelength_m * image.range_m)
+    waves: Waves = image.strength * np.exp(
+        2j * FULL_TURN_RAD / image.tool.wavelength_m * image.range_m
+    )
     return waves
 
 
 def _surface_waves(image: RangeImage, normal: Floats, offset_m: float) -> Waves | None:
-    """What would come back (h, w) if the whole beam met the plane; None where the image shows none of it."""
+    """What would come back (h, w) if the whole beam met the plane; None where the image shows
+    none of it.
+    """
     slope = image.beams @ normal
-    metres = np.where(np.abs(slope) > 1e-6, offset_m / np.where(np.abs(slope) > 1e-6, slope, 1.0), 0.0)
+    metres = np.where(
+        np.abs(slope) > 1e-6, offset_m / np.where(np.abs(slope) > 1e-6, slope, 1.0), 0.0
+    )
     ahead = metres > 0
-    strength = np.where(ahead, np.abs(slope) * (image.tool.at_m / np.where(ahead, metres, 1.0)) ** 2, 0.0)
+    strength = np.where(
+        ahead, np.abs(slope) * (image.tool.at_m / np.where(ahead, metres, 1.0)) ** 2, 0.0
+    )
     near = ahead & (image.range_m > 0) & (np.abs(image.range_m - metres) < 5.0 * image.tool.noise_m)
     if near.sum() < 3:
         return None
     shine = float(np.median(image.strength[near] / strength[near]))
     return np.asarray(
-        shine * strength * np.exp(2j * FULL_TURN_RAD / image.tool.wavelength_m * metres), dtype=np.complex128
+        shine * strength * np.exp(2j * FULL_TURN_RAD / image.tool.wavelength_m * metres),
+        dtype=np.complex128,
     )
 
 
 def _nearer_share(wave: Waves, nearer: Waves, beyond: Waves) -> Floats:
-    """The share (h, w) of each beam that meets the nearer surface: least squares over both parts of the amplitude."""
+    """The share (h, w) of each beam that meets the nearer surface: least squares over both
+    parts of the amplitude.
+    """
     apart = nearer - beyond
     square = np.abs(apart) ** 2
     shares: Floats = ((wave - beyond) * np.conj(apart)).real / np.where(square > 0, square, np.inf)
@@ -113,9 +131,12 @@ def _nearer_share(wave: Waves, nearer: Waves, beyond: Waves) -> Floats:
 
 
 def _outward_directions(share: Floats) -> Floats:
-    """The unit vectors (h, w, 2) in the picture, as (u, v), away from the surface; NaN where there is no direction."""
+    """The unit vectors (h, w, 2) in the picture, as (u, v), away from the surface; NaN where
+    there is no direction.
+    """
     down, right = (
-        ndimage.gaussian_filter(share, SMOOTH_PX, order=order, mode="nearest") for order in ((1, 0), (0, 1))
+        ndimage.gaussian_filter(share, SMOOTH_PX, order=order, mode="nearest")
+        for order in ((1, 0), (0, 1))
     )
     length = np.hypot(right, down)
     directions: Floats = (
@@ -145,10 +166,14 @@ def _within_window(window: PixelWindow, like: Truths) -> Truths:
 def rim_as_circle(
     image: RangeImage, normal: Floats, offset_m: float, rim: SurfaceRim, centre: Floats
 ) -> SurfaceRim:
-    """The same rim if it is a circle about a centre (3,) in the plane: then this tells the directions, not the noisy pixels around."""
+    """The same rim if it is a circle about a centre (3,) in the plane: then this tells the
+    directions, not the noisy pixels around.
+    """
     (ahead, back), (below, above) = (
         [
-            np.linalg.norm(_on_plane(image, normal, offset_m, rim.pixels + side * step) - centre, axis=1)
+            np.linalg.norm(
+                _on_plane(image, normal, offset_m, rim.pixels + side * step) - centre, axis=1
+            )
             for side in (0.5, -0.5)
         ]
         for step in np.eye(2)
@@ -177,7 +202,9 @@ def _rim_points(
     pitch = np.linalg.norm(ahead - points, axis=1)
     usual = float(np.median(pitch))
     wide_m, beside_m = beam_px(image.tool) * usual, _pointing_px(image) * usual
-    return SurfaceRim(Cloud(points, sigma_px * pitch), pixels, inside_px, sigma_px, outward, wide_m, beside_m)
+    return SurfaceRim(
+        Cloud(points, sigma_px * pitch), pixels, inside_px, sigma_px, outward, wide_m, beside_m
+    )
 
 
 def _pointing_px(image: RangeImage) -> float:

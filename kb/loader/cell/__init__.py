@@ -1,4 +1,7 @@
-"""The cell in a `cell.yaml`: arms, frames, bodies, regions and places. All references between them are checked."""
+"""The cell in a `cell.yaml`: arms, frames, bodies, regions and places.
+
+All references between them are checked.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,7 +23,13 @@ from cellwright.kb.loader.cell.placements import (
 from cellwright.kb.loader.cell.sensing import SensedNames, read_measuring, read_sensor
 from cellwright.kb.loader.device_uses import composed_beside
 from cellwright.kb.loader.domain_lookup import domain_of
-from cellwright.kb.loader.geometry_values import ANGLE, LENGTH, QuantityReader, child_at, mapping_members
+from cellwright.kb.loader.geometry_values import (
+    ANGLE,
+    LENGTH,
+    QuantityReader,
+    child_at,
+    mapping_members,
+)
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
 from cellwright.kb.loader.yaml_tree import YamlNode
 from cellwright.kb.model.body_shapes import Sphere
@@ -54,12 +63,17 @@ def cell_of(target: str) -> Cell:
     path = domain_of(target).with_name(CELL_FILE)
     if not path.is_file():
         hint = f"describe the cell in a {CELL_FILE} beside the domain"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"there is no {CELL_FILE}", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source(str(path)), "K405", f"there is no {CELL_FILE}", hint)]
+        )
     return load_cell(path)
 
 
 def read_cell(path: Path, findings: LoadFindings) -> Cell:
-    """The cell in a file. Errors are added to `findings`. Raises `InvalidInput` if the file does not have the form of a cell."""
+    """The cell in a file. Errors are added to `findings`.
+
+    Raises `InvalidInput` if the file does not have the form of a cell.
+    """
     reader = Reader.of(read_file(path), findings)
     composed_beside(reader, path.with_name(DOMAIN_FILE), "cell")
     if not validate_shape(reader, "cell"):
@@ -96,8 +110,21 @@ class _CellReader:
         zones = {name: self._zone(name, node) for name, node in self._section("zones")}
         operations = read_operations(self.reader, findings, cell_names)
         name, measuring = self.reader.text("cell"), self._measuring(bodies)
-        sections = (arms, frames, bodies, regions, allowed, places, locations, zones, operations, measuring)
-        return Cell(name, *sections, self._sensors(SensedNames(bodies, arms, self.frames.names())), path)
+        sections = (
+            arms,
+            frames,
+            bodies,
+            regions,
+            allowed,
+            places,
+            locations,
+            zones,
+            operations,
+            measuring,
+        )
+        return Cell(
+            name, *sections, self._sensors(SensedNames(bodies, arms, self.frames.names())), path
+        )
 
     def _bodies(self) -> dict[str, Body]:
         bodies = {
@@ -116,7 +143,10 @@ class _CellReader:
         }
 
     def _sensors(self, known: SensedNames) -> dict[str, Sensor]:
-        read = ((key, read_sensor(node, self.read, known)) for key, _, node in self.reader.entries("sensors"))
+        read = (
+            (key, read_sensor(node, self.read, known))
+            for key, _, node in self.reader.entries("sensors")
+        )
         return {key: sensor for key, sensor in read if sensor is not None}
 
     def _section(self, section: str) -> list[tuple[str, YamlNode]]:
@@ -138,17 +168,27 @@ class _CellReader:
         home = child_at(node, "home")
         values = self._home(arm, home) if home else ()
         return MountedArm(
-            arm, read_placement(node, self.read), self.read.pose(child_at(node, "tool")), values, node.where
+            arm,
+            read_placement(node, self.read),
+            self.read.pose(child_at(node, "tool")),
+            values,
+            node.where,
         )
 
     def _home(self, arm: Arm, home: YamlNode) -> tuple[float, ...]:
-        """The joint values in which an arm rests: metres where a joint slides, radians where it turns."""
+        """The joint values in which an arm rests: metres where a joint slides, radians where it
+        turns.
+        """
         if len(home.value) != len(arm.joints):
             hint = f"the arm has {len(arm.joints)} joints"
-            self.read.findings.add(home.where, "K707", f"there are {len(home.value)} joint values", hint)
+            self.read.findings.add(
+                home.where, "K707", f"there are {len(home.value)} joint values", hint
+            )
             return ()
         units = [LENGTH if joint.kind is JointKind.PRISMATIC else ANGLE for joint in arm.joints]
-        return tuple(self.read.number(item, unit) for item, unit in zip(home.value, units, strict=True))
+        return tuple(
+            self.read.number(item, unit) for item, unit in zip(home.value, units, strict=True)
+        )
 
     def _model(self, node: YamlNode) -> Arm:
         model, urdf = child_at(node, "model"), child_at(node, "urdf")
@@ -173,7 +213,8 @@ class _CellReader:
 
     def _body(self, name: str, kind: BodyKind, node: YamlNode) -> Body:
         features = {
-            key: self.read.pose(value) for key, _, value in mapping_members(child_at(node, "features"))
+            key: self.read.pose(value)
+            for key, _, value in mapping_members(child_at(node, "features"))
         }
         return Body(
             name,
@@ -192,7 +233,9 @@ class _CellReader:
         for name, body in bodies.items():
             if body.guide and body.guide.follows and body.guide.follows not in leaders:
                 where = self.nodes[name].where
-                self.read.findings.note(unknown_name("body with a joint", body.guide.follows, leaders, where))
+                self.read.findings.note(
+                    unknown_name("body with a joint", body.guide.follows, leaders, where)
+                )
 
     def _region(self, name: str, node: YamlNode) -> Region:
         shape = self.read.shape(node)
@@ -215,7 +258,9 @@ class _CellReader:
         allowed = self.read.number(speed) if speed else ZONE_SPEED_M_S
         if speed is not None and allowed <= 0.0:
             hint = "give a speed above 0, or an obstacle in `fixtures` where no arm may go"
-            self.read.findings.add(speed.where, "K005", f"the speed of zone '{name}' is not above 0", hint)
+            self.read.findings.add(
+                speed.where, "K005", f"the speed of zone '{name}' is not above 0", hint
+            )
         return Zone(name, self.read.shape(node) or Sphere(1.0), placement, allowed)
 
     def _check_parents(self, regions: Mapping[str, Region]) -> None:
@@ -228,7 +273,10 @@ class _CellReader:
             if name in _region_ancestors(regions, name):
                 where = self.nodes[name].where
                 self.read.findings.add(
-                    where, "K701", f"region '{name}' is its own ancestor", "remove one parent of the circle"
+                    where,
+                    "K701",
+                    f"region '{name}' is its own ancestor",
+                    "remove one parent of the circle",
                 )
 
 

@@ -5,7 +5,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from cellwright.kb.diagnostics import unknown_name
-from cellwright.kb.loader.geometry_values import ANGLE, LENGTH, QuantityReader, child_at, required_child
+from cellwright.kb.loader.geometry_values import (
+    ANGLE,
+    LENGTH,
+    QuantityReader,
+    child_at,
+    required_child,
+)
 from cellwright.kb.loader.reader import LoadFindings, Reader
 from cellwright.kb.loader.yaml_tree import YamlNode
 from cellwright.kb.model.cell_model import Body, Ends, JointKind, Location, Operation
@@ -83,12 +89,16 @@ class _Entry:
         guide = known.guide if known is not None else None
         if guide is None:
             message = f"'{body}' has no joint that it could move along"
-            self.findings.add(joint.where, "K707", message, "give the body a `joint`, or name one that has")
+            self.findings.add(
+                joint.where, "K707", message, "give the body a `joint`, or name one that has"
+            )
             return 0.0
         value = self.read.number(joint, ANGLE if guide.kind is JointKind.REVOLUTE else LENGTH)
         if not guide.lower - 1e-9 <= value <= guide.upper + 1e-9:
             hint = "change the value, or the `range` of the joint"
-            self.findings.add(joint.where, "K707", f"this is beyond the range of the joint of '{body}'", hint)
+            self.findings.add(
+                joint.where, "K707", f"this is beyond the range of the joint of '{body}'", hint
+            )
         return value
 
     def _term(self, node: YamlNode, kind: str, known: Collection[str]) -> Term | None:
@@ -116,7 +126,9 @@ class _Entry:
             self.findings.add(node.where, "K105", f"the fact has no variable '{name}'", hint)
 
 
-def read_operations(reader: Reader, findings: LoadFindings, known: CellNames) -> tuple[Operation, ...]:
+def read_operations(
+    reader: Reader, findings: LoadFindings, known: CellNames
+) -> tuple[Operation, ...]:
     """The entries in their order. Errors are added to `findings`."""
     operations = []
     for _, key, node in reader.entries("operations"):
@@ -143,13 +155,21 @@ def _read_operation(
     )
     if (beside is not None and at is None) or (carried is not None and beside is None):
         findings.add(
-            node.where, "K005", "two arms need two places", "give `at` and `with`: where each of them goes"
+            node.where,
+            "K005",
+            "two arms need two places",
+            "give `at` and `with`: where each of them goes",
         )
     ends = child_at(node, "ends")
-    drags, drives = (_moving_body(child_at(node, field), findings, known) for field in ("drags", "drives"))
+    drags, drives = (
+        _moving_body(child_at(node, field), findings, known) for field in ("drags", "drives")
+    )
     if at is None and drags:
         findings.add(
-            node.where, "K005", "nothing is dragged without a place", "give `at`: where it is gripped"
+            node.where,
+            "K005",
+            "nothing is dragged without a place",
+            "give `at`: where it is gripped",
         )
     takes = _duration_s(child_at(node, "takes"))
     stop = Ends(ends.value if ends else "outside")
@@ -158,7 +178,11 @@ def _read_operation(
 
 
 def _operation_place(
-    reader: Reader, findings: LoadFindings, known: CellNames, operator: Function, node: YamlNode | None
+    reader: Reader,
+    findings: LoadFindings,
+    known: CellNames,
+    operator: Function,
+    node: YamlNode | None,
 ) -> Term | None:
     """A place of the cell, perhaps with variables of the operator; None if none is given."""
     if node is None:
@@ -201,7 +225,9 @@ def _check_place(
     for variable in term_variables(place):
         if Variable(variable.name) not in own:
             hint = f"use a variable of the operator {operator}"
-            findings.add(node.where, "K105", f"the operator has no variable '{variable.name}'", hint)
+            findings.add(
+                node.where, "K105", f"the operator has no variable '{variable.name}'", hint
+            )
     if is_ground(place) and str(place) not in known.places:
         findings.note(unknown_name("place", str(place), known.places, node.where))
 

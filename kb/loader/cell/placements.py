@@ -55,9 +55,14 @@ class Frames:
         return known
 
     def add(
-        self, arms: Mapping[str, MountedArm], frames: Mapping[str, Placement], bodies: Mapping[str, Body]
+        self,
+        arms: Mapping[str, MountedArm],
+        frames: Mapping[str, Placement],
+        bodies: Mapping[str, Body],
     ) -> None:
-        """Collect every frame by name, then check that each is placed in a known frame and none in itself."""
+        """Collect every frame by name, then check that each is placed in a known frame and none
+        in itself.
+        """
         self.placements |= dict(_of_arms(arms))
         self.placements |= frames
         for name, body in bodies.items():
@@ -66,7 +71,9 @@ class Frames:
         for name, placement in self.placements.items():
             if self.is_known(placement) and self._is_circular(name):
                 hint = "follow `in` from frame to frame: it must end at `world`"
-                self.findings.add(placement.where, "K701", f"'{name}' is placed relative to itself", hint)
+                self.findings.add(
+                    placement.where, "K701", f"'{name}' is placed relative to itself", hint
+                )
 
     def _is_circular(self, name: str) -> bool:
         seen, at = set[str](), name
@@ -93,7 +100,9 @@ def read_guide(node: YamlNode | None, read: QuantityReader) -> Guide | None:
     slides, swings = child_at(node, "slides"), child_at(node, "swings")
     axis = slides if slides is not None else swings
     if axis is None or (slides is None) == (swings is None):
-        read.findings.add(node.where, "K005", "a joint slides or swings", "give one of `slides` and `swings`")
+        read.findings.add(
+            node.where, "K005", "a joint slides or swings", "give one of `slides` and `swings`"
+        )
         return None
     kind = JointKind.PRISMATIC if slides is not None else JointKind.REVOLUTE
     unit = LENGTH if slides is not None else ANGLE
@@ -110,7 +119,9 @@ def _unit_vector(node: YamlNode, read: QuantityReader) -> Vector:
     x, y, z = (read.number(item, FACTOR) for item in node.value)
     length = (x * x + y * y + z * z) ** 0.5
     if length < 1e-9:
-        read.findings.add(node.where, "K707", "this direction has no length", "write [0, 0, 1] for z")
+        read.findings.add(
+            node.where, "K707", "this direction has no length", "write [0, 0, 1] for z"
+        )
         return (0.0, 0.0, 1.0)
     return (x / length, y / length, z / length)
 
@@ -151,7 +162,11 @@ def _read_place(
 ) -> Place:
     placement = read_placement(node, read)
     mentioned.frames.is_known(placement)
-    approach, turns, depth = child_at(node, "approach"), child_at(node, "turns"), child_at(node, "depth")
+    approach, turns, depth = (
+        child_at(node, "approach"),
+        child_at(node, "turns"),
+        child_at(node, "depth"),
+    )
     touches = child_at(node, "touches")
     touched = touches.value if touches else []
     for item in touched:

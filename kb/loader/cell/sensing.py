@@ -15,10 +15,20 @@ from cellwright.kb.loader.geometry_values import (
     required_child,
 )
 from cellwright.kb.loader.yaml_tree import YamlNode
-from cellwright.kb.model.cell_model import Body, JointKind, Measuring, Ranging, Sensing, Sensor, Sight
+from cellwright.kb.model.cell_model import (
+    Body,
+    JointKind,
+    Measuring,
+    Ranging,
+    Sensing,
+    Sensor,
+    Sight,
+)
 
 
-def read_measuring(tool: str, node: YamlNode, read: QuantityReader, bodies: Mapping[str, Body]) -> Measuring:
+def read_measuring(
+    tool: str, node: YamlNode, read: QuantityReader, bodies: Mapping[str, Body]
+) -> Measuring:
     """One entry. Bodies that the cell has not, and features that the tool has not, are reported."""
     approach, field, patch = (child_at(node, key) for key in ("approach", "field", "patch"))
     touches, tilts = (child_at(node, key) for key in ("touches", "tilts"))
@@ -38,8 +48,12 @@ def read_measuring(tool: str, node: YamlNode, read: QuantityReader, bodies: Mapp
     )
 
 
-def _read_sight(tool: str, node: YamlNode, read: QuantityReader, bodies: Mapping[str, Body]) -> Sight:
-    eyes, limits, incidence, back = (child_at(node, key) for key in ("eyes", "range", "incidence", "back"))
+def _read_sight(
+    tool: str, node: YamlNode, read: QuantityReader, bodies: Mapping[str, Body]
+) -> Sight:
+    eyes, limits, incidence, back = (
+        child_at(node, key) for key in ("eyes", "range", "incidence", "back")
+    )
     features = bodies[tool].features
     for item in eyes.value if eyes else []:
         if item.value not in features:
@@ -56,7 +70,9 @@ def _read_sight(tool: str, node: YamlNode, read: QuantityReader, bodies: Mapping
     return Sight(names, (least, most), angle, read.number(back) if back else 0.0)
 
 
-RANGING_LIMITS = {  # of what a laser ranging tool is said to be like: the unit, what is too little, the most, and how it is told
+# of what a laser ranging tool is said to be like: the unit, what is too little, the most, and how
+# it is told
+RANGING_LIMITS = {
     "view": (ANGLE, 0.0, 2.6, "above 0, up to 149 degrees"),
     "wavelength": (LENGTH, 0.0, 1e3, "above 0, up to 1 km"),
     "noise": (LENGTH, 0.0, 1.0, "above 0, up to 1 m"),
@@ -68,7 +84,9 @@ RANGING_LIMITS = {  # of what a laser ranging tool is said to be like: the unit,
 }
 
 
-def _read_ranging(tool: str, node: YamlNode, read: QuantityReader, bodies: Mapping[str, Body]) -> Ranging:
+def _read_ranging(
+    tool: str, node: YamlNode, read: QuantityReader, bodies: Mapping[str, Body]
+) -> Ranging:
     eye, features = required_child(node, "eye"), bodies[tool].features
     if eye.value not in features:
         read.findings.note(unknown_name(f"feature of {tool}", str(eye.value), features, eye.where))
@@ -118,7 +136,9 @@ class SensedNames:
 def read_sensor(node: YamlNode, read: QuantityReader, known: SensedNames) -> Sensor | None:
     """One entry; None if it is reported."""
     sensings = [
-        (sort, sensed_node) for sort in Sensing if (sensed_node := child_at(node, sort.value)) is not None
+        (sort, sensed_node)
+        for sort in Sensing
+        if (sensed_node := child_at(node, sort.value)) is not None
     ]
     if len(sensings) != 1:
         kinds = ", ".join(sort.value for sort in Sensing)

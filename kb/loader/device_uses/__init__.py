@@ -1,7 +1,8 @@
 """Devices in a domain: what they say is put together with what the domain itself says.
 
-A device is text with parameters. It is filled in first and read then, by the readers that read the domain's own files. Every part
-of the tree knows the file that it comes from, so an error is told where it stands: in the file of the device.
+A device is text with parameters. It is filled in first and read then, by the readers that read the
+domain's own files. Every part of the tree knows the file that it comes from, so an error is told
+where it stands: in the file of the device.
 """
 
 from cellwright.kb.loader.device_uses.device_composition import compose_devices, composed_beside

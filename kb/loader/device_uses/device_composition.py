@@ -17,14 +17,19 @@ UNION_LISTS = ("include",)  # lists of names that mean different things in diffe
 
 
 def merge_trees(parts: Sequence[YamlNode], own: YamlNode) -> YamlNode:
-    """The mappings as one, which takes its place from `own`. Raises `InvalidInput` where two parts contradict each other."""
+    """The mappings as one, which takes its place from `own`.
+
+    Raises `InvalidInput` where two parts contradict each other.
+    """
     wrong: list[Diagnostic] = []
     whole: dict[str, tuple[YamlNode, YamlNode]] = {}
     for part in parts:
         if isinstance(part.value, dict):
             for key, entry in part.value.items():
                 whole[key] = (
-                    _join_entries(whole[key], entry, wrong, ()) if key in whole else _copy_entry(entry)
+                    _join_entries(whole[key], entry, wrong, ())
+                    if key in whole
+                    else _copy_entry(entry)
                 )
     if wrong:
         raise InvalidInput(wrong)
@@ -48,10 +53,14 @@ def _join_entries(old: Entry, new: Entry, wrong: list[Diagnostic], above: tuple[
         case dict(), dict():
             whole: dict[str, Any] = dict(first.value)
             for name, entry in second.value.items():
-                whole[name] = _join_entries(whole[name], entry, wrong, path) if name in whole else entry
+                whole[name] = (
+                    _join_entries(whole[name], entry, wrong, path) if name in whole else entry
+                )
             return new_key, second._replace(value=whole)
         case list(), list():
-            return new_key, second._replace(value=_join_lists(first.value, second.value, str(key.value)))
+            return new_key, second._replace(
+                value=_join_lists(first.value, second.value, str(key.value))
+            )
         case _, "":
             return old
         case "", _:
@@ -64,7 +73,9 @@ def _join_entries(old: Entry, new: Entry, wrong: list[Diagnostic], above: tuple[
 
 
 def _suggest_remedy(path: tuple[str, ...], key: YamlNode) -> str:
-    """What to try where two parts contradict each other: an operator of a device can be replaced by one of the domain."""
+    """What to try where two parts contradict each other: an operator of a device can be
+    replaced by one of the domain.
+    """
     if path[0] == "operators" and key.file.user() is None:
         name = path[1].partition("(")[0]
         return f"give it another name, or have it replace that of the device: `without: [{name}]`"
@@ -87,7 +98,9 @@ CAUSE_REFERENCES = {
 
 
 def prefix_faults(part: YamlNode, name: str) -> YamlNode:
-    """The part of a fault base with `name_` before each of its own entries, and the name behind what they say."""
+    """The part of a fault base with `name_` before each of its own entries, and the name behind
+    what they say.
+    """
     own = {section: _own_entries(part, section) for section in FAULT_SECTIONS}
     whole = dict(part.value)
     for section in FAULT_SECTIONS:
@@ -98,12 +111,16 @@ def prefix_faults(part: YamlNode, name: str) -> YamlNode:
 
 
 def in_milliseconds(part: YamlNode) -> YamlNode:
-    """The part of a fault base with its costs and durations, which devices tell in seconds, in milliseconds."""
+    """The part of a fault base with its costs and durations, which devices tell in seconds, in
+    milliseconds.
+    """
     whole = dict(part.value)
     for section in ("tests", "repairs"):
         if section in whole and isinstance(whole[section][1].value, dict):
             key, node = whole[section]
-            entries = {name: (place, _scale_costs(entry)) for name, (place, entry) in node.value.items()}
+            entries = {
+                name: (place, _scale_costs(entry)) for name, (place, entry) in node.value.items()
+            }
             whole[section] = key, node._replace(value=entries)
     return part._replace(value=whole)
 
@@ -120,14 +137,19 @@ def _scale_costs(node: YamlNode) -> YamlNode:
 
 
 def without_operators(whole: YamlNode, gone: set[str]) -> YamlNode:
-    """The fault base without what devices say of operators that are gone: their exceptions, and what they carry out."""
+    """The fault base without what devices say of operators that are gone: their exceptions, and
+    what they carry out.
+    """
     kept = dict(whole.value)
     for section in FAULT_SECTIONS if gone else ():
         if section in kept and isinstance(kept[section][1].value, dict):
             key, node = kept[section]
-            possible = {name: entry for name, entry in node.value.items() if _is_possible(entry[1], gone)}
+            possible = {
+                name: entry for name, entry in node.value.items() if _is_possible(entry[1], gone)
+            }
             entries = {
-                name: (place, _drop_operators(entry, gone)) for name, (place, entry) in possible.items()
+                name: (place, _drop_operators(entry, gone))
+                for name, (place, entry) in possible.items()
             }
             kept[section] = key, node._replace(value=entries)
     return whole._replace(value=kept)
@@ -135,13 +157,19 @@ def without_operators(whole: YamlNode, gone: set[str]) -> YamlNode:
 
 def _is_possible(node: YamlNode, gone: set[str]) -> bool:
     """Whether an entry can still be: it is the domain's own, or its operator is there."""
-    named_operators = [child_at(node, key) for key in ("of", "by")] if node.file.user() is not None else []
-    return not any(operator is not None and _operator_name(operator) in gone for operator in named_operators)
+    named_operators = (
+        [child_at(node, key) for key in ("of", "by")] if node.file.user() is not None else []
+    )
+    return not any(
+        operator is not None and _operator_name(operator) in gone for operator in named_operators
+    )
 
 
 def _drop_operators(node: YamlNode, gone: set[str]) -> YamlNode:
     """An entry of a device whose lists name no operator that is gone."""
-    value = dict(node.value) if isinstance(node.value, dict) and node.file.user() is not None else {}
+    value = (
+        dict(node.value) if isinstance(node.value, dict) and node.file.user() is not None else {}
+    )
     for key in ("blocks", "since"):
         if key in value and isinstance(value[key][1].value, list):
             place, named = value[key]
@@ -157,13 +185,16 @@ def _operator_name(node: YamlNode) -> str:
 def without_strangers(whole: YamlNode) -> YamlNode:
     """The fault base without what a device says for others that are not there.
 
-    These are entries that only add to what nobody says, and shared entries to which nobody has added a cause.
+    These are entries that only add to what nobody says, and shared entries to which nobody has
+    added a cause.
     """
     kept = dict(whole.value)
     for section, (reference,) in CAUSE_REFERENCES.items():
         if section in kept and isinstance(kept[section][1].value, dict):
             key, node = kept[section]
-            entries = {k: entry for k, entry in node.value.items() if _is_whole(entry[1], reference)}
+            entries = {
+                k: entry for k, entry in node.value.items() if _is_whole(entry[1], reference)
+            }
             kept[section] = key, node._replace(value=entries)
     return whole._replace(value=kept)
 
@@ -235,7 +266,10 @@ DEVICE_HEAD_KEYS = (
 
 
 def compose_devices(reader: Reader, path: Path) -> None:
-    """Put the devices that a domain file uses into the tree that is read. Errors are raised as `InvalidInput`."""
+    """Put the devices that a domain file uses into the tree that is read.
+
+    Errors are raised as `InvalidInput`.
+    """
     uses = uses_of(reader.root, path)
     if not uses:
         return
@@ -244,14 +278,18 @@ def compose_devices(reader: Reader, path: Path) -> None:
         [_without_keys(part, DEVICE_HEAD_KEYS) for part in parts], child_at(reader.root, "without")
     )
     whole = merge_trees([*parts, reader.root], reader.root)
-    _order_entries(whole, [reader.root, *reversed(parts)], "defaults")  # the first that is not denied holds
-    _order_entries(whole, [reader.root, *parts], "commands", "phrases")  # an earlier phrase takes precedence
+    # the first that is not denied holds
+    _order_entries(whole, [reader.root, *reversed(parts)], "defaults")
+    # an earlier phrase takes precedence
+    _order_entries(whole, [reader.root, *parts], "commands", "phrases")
     _heaviest_first(whole)
     reader.root = whole
 
 
 def composed_beside(reader: Reader, domain: Path, form: str) -> None:
-    """Put what devices say in their `FORM.yaml` into the tree of the file of that form beside a domain file."""
+    """Put what devices say in their `FORM.yaml` into the tree of the file of that form beside a
+    domain file.
+    """
     root = read_tree(read_file(domain))[0] if is_file(domain) else None
     uses = uses_of(root, domain) if root is not None else []
     finely = (
@@ -277,7 +315,9 @@ def composed_beside(reader: Reader, domain: Path, form: str) -> None:
 
 def _prepare_part(use: DeviceUse, part: YamlNode, form: str) -> YamlNode:
     part = _without_keys(part, (form, "units"))
-    return prefix_faults(part, use.name) if form == "faults" and use.name != use.device.name else part
+    return (
+        prefix_faults(part, use.name) if form == "faults" and use.name != use.device.name else part
+    )
 
 
 def _device_tree(use: DeviceUse, name: str, findings: LoadFindings) -> YamlNode:
@@ -286,7 +326,11 @@ def _device_tree(use: DeviceUse, name: str, findings: LoadFindings) -> YamlNode:
         findings.note(diagnostic)
     if not isinstance(root.value, dict):
         raise InvalidInput(
-            [Diagnostic(root.where, "K005", "a file of a device is a mapping", "begin with `device:`")]
+            [
+                Diagnostic(
+                    root.where, "K005", "a file of a device is a mapping", "begin with `device:`"
+                )
+            ]
         )
     return root
 
@@ -308,7 +352,9 @@ def _order_entries(whole: YamlNode, parts: list[YamlNode], *path: str) -> None:
     if section not in holder.value:
         return
     key, node = holder.value[section]
-    sections = [section_node.value for part in parts if (section_node := _node_at(part, path)) is not None]
+    sections = [
+        section_node.value for part in parts if (section_node := _node_at(part, path)) is not None
+    ]
     if isinstance(node.value, dict):
         names = dict.fromkeys(name for entries in sections for name in entries)
         node = node._replace(value={name: node.value[name] for name in names})
@@ -337,18 +383,27 @@ def _heaviest_first(whole: YamlNode) -> None:
 
 def _fluent_weight(node: YamlNode) -> int:
     weight = child_at(node, "weight")
-    return int(weight.value) if weight is not None and re.fullmatch(r"\d{1,9}", str(weight.value)) else -1
+    return (
+        int(weight.value)
+        if weight is not None and re.fullmatch(r"\d{1,9}", str(weight.value))
+        else -1
+    )
 
 
 def _leave_out(parts: list[YamlNode], unwanted: YamlNode | None) -> list[YamlNode]:
-    """The parts of devices without the operators that the domain does not want. Raises `InvalidInput` if there is no such operator."""
+    """The parts of devices without the operators that the domain does not want.
+
+    Raises `InvalidInput` if there is no such operator.
+    """
     if unwanted is None or not isinstance(unwanted.value, list):
         return parts
     operator_names = {name for part in parts for name in _operator_headers(part)}
     for item in unwanted.value:
         if str(item.value) not in operator_names:
             hint = nearest_hint(str(item.value), operator_names) or "name an operator of a device"
-            raise InvalidInput([Diagnostic(item.where, "K101", f"unknown operator '{item.value}'", hint)])
+            raise InvalidInput(
+                [Diagnostic(item.where, "K101", f"unknown operator '{item.value}'", hint)]
+            )
     gone = {str(item.value) for item in unwanted.value}
     return [_without_operators(part, gone) for part in parts]
 

@@ -10,7 +10,13 @@ from cellwright.kb.files import File, read_file
 from cellwright.kb.loader.geometry_values import child_at, mapping_members
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
 from cellwright.kb.loader.yaml_tree import YamlNode
-from cellwright.kb.targets import DEVICE_FILE, DEVICES_FOLDER, DOMAIN_FILE, bundled_devices, devices_in
+from cellwright.kb.targets import (
+    DEVICE_FILE,
+    DEVICES_FOLDER,
+    DOMAIN_FILE,
+    bundled_devices,
+    devices_in,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +29,10 @@ class DeviceParameter:
 
 @dataclass(frozen=True, slots=True)
 class DeviceHead:
-    """The head of a device file. `offers` are ports and the names that fill them, with `$name` not filled in yet."""
+    """The head of a device file.
+
+    `offers` are ports and the names that fill them, with `$name` not filled in yet.
+    """
 
     name: str
     about: str
@@ -43,7 +52,9 @@ class DeviceHead:
 
 
 def available_devices(domain: Path) -> dict[str, Path]:
-    """The devices that a domain file can use, by name: those in `devices` beside it or one folder above, and bundled ones."""
+    """The devices that a domain file can use, by name: those in `devices` beside it or one
+    folder above, and bundled ones.
+    """
     above, beside = domain.absolute().parent.parent / DEVICES_FOLDER, domain.parent / DEVICES_FOLDER
     return {**bundled_devices(), **devices_in(above), **devices_in(beside)}
 
@@ -93,19 +104,27 @@ def _refuse_twice(reader: Reader, findings: LoadFindings) -> None:
     for section in ("parameters", "own", "needs"):
         for key, place, _ in reader.entries(section):
             if key in seen:
-                hint = "parameters, own names and ports share their names; `name`, `prefix` and `device` are taken"
+                hint = (
+                    "parameters, own names and ports share their names; `name`, `prefix` and "
+                    "`device` are taken"
+                )
                 findings.add(place.where, "K104", f"'{key}' is declared already", hint)
             seen.add(key)
 
 
 def parameter_text(node: YamlNode) -> str:
-    """A value as it is filled in: a scalar as it is written, a list or mapping in brackets. Raises `InvalidInput`."""
+    """A value as it is filled in: a scalar as it is written, a list or mapping in brackets.
+
+    Raises `InvalidInput`.
+    """
     if isinstance(node.value, list):
         return f"[{', '.join(map(parameter_text, node.value))}]"
     if isinstance(node.value, dict):
         return (
             "{"
-            + ", ".join(f"{key}: {parameter_text(value)}" for key, _, value in mapping_members(node))
+            + ", ".join(
+                f"{key}: {parameter_text(value)}" for key, _, value in mapping_members(node)
+            )
             + "}"
         )
     value = str(node.value)
@@ -118,7 +137,10 @@ def parameter_text(node: YamlNode) -> str:
 
 
 def all_devices(folder: Path) -> tuple[DeviceHead, ...]:
-    """The devices that a domain in a folder can use, in the order of their names. Raises `InvalidInput`."""
+    """The devices that a domain in a folder can use, in the order of their names.
+
+    Raises `InvalidInput`.
+    """
     return tuple(
         read_device(device_folder)
         for _, device_folder in sorted(available_devices(folder / DOMAIN_FILE).items())
@@ -134,7 +156,8 @@ def device_called(name: str, folder: Path) -> DeviceHead:
 
 
 PARAMETER_TEXT = re.compile(
-    r"^[ \t]*[#%][^\n]*|\$(?:([A-Za-z_][A-Za-z0-9_]*)|\{([A-Za-z_][A-Za-z0-9_]*)\}|(\$))", re.MULTILINE
+    r"^[ \t]*[#%][^\n]*|\$(?:([A-Za-z_][A-Za-z0-9_]*)|\{([A-Za-z_][A-Za-z0-9_]*)\}|(\$))",
+    re.MULTILINE,
 )  # lines that are comments stay as they are
 DIGIT_WORDS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 Values = tuple[tuple[str, str], ...]
@@ -142,7 +165,10 @@ Values = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True, slots=True)
 class FilledFile(File):
-    """A file with values for its parameters. `cuts` are the (start, end, start as written) of each value in the text."""
+    """A file with values for its parameters.
+
+    `cuts` are the (start, end, start as written) of each value in the text.
+    """
 
     written: File
     cuts: tuple[tuple[int, int, int], ...]
@@ -179,7 +205,9 @@ def _end_of_parameter(text: str, start: int) -> int:
 
 
 def fill_file(file: File, values: Values, used: Source) -> FilledFile:
-    """The file with these values in place of `$name` and `${name}`; `$$` is one `$`. Raises `InvalidInput`."""
+    """The file with these values in place of `$name` and `${name}`; `$$` is one `$`. Raises
+    `InvalidInput`.
+    """
     known, parts, cuts, wrong = dict(values), [], [], []
     done = length = 0
     for match in PARAMETER_TEXT.finditer(file.text):
@@ -192,7 +220,10 @@ def fill_file(file: File, values: Values, used: Source) -> FilledFile:
             found_none = unknown_name(
                 "parameter", name, plain if not name.endswith("_words") else known, where
             )
-            advice = f"{found_none.hint}; or declare it, under `own` for a name of the device, or under `parameters`"
+            advice = (
+                f"{found_none.hint}; or declare it, under `own` for a name of the device, or "
+                "under `parameters`"
+            )
             wrong.append(replace(found_none, hint=advice))
         value = "$" if name is None else known.get(name, name)
         parts += [file.text[done : match.start()], value]
@@ -207,14 +238,20 @@ def fill_file(file: File, values: Values, used: Source) -> FilledFile:
 
 
 def all_values(values: Mapping[str, str]) -> Values:
-    """The values, and for each name `NAME_words`: how people say it, with blanks for underscores and words for digits."""
-    worded = {f"{key}_words": _spoken_name(value) for key, value in values.items() if _is_name(value)}
+    """The values, and for each name `NAME_words`: how people say it, with blanks for
+    underscores and words for digits.
+    """
+    worded = {
+        f"{key}_words": _spoken_name(value) for key, value in values.items() if _is_name(value)
+    }
     return tuple({**worded, **values}.items())
 
 
 def _spoken_name(name: str) -> str:
     return " ".join(
-        re.sub(r"\d", lambda digit: f" {DIGIT_WORDS[int(digit[0])]} ", name).replace("_", " ").split()
+        re.sub(r"\d", lambda digit: f" {DIGIT_WORDS[int(digit[0])]} ", name)
+        .replace("_", " ")
+        .split()
     )
 
 

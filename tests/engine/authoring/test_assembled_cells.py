@@ -1,4 +1,6 @@
-"""Cells put together from devices plan, run in the simulated cell, fail and recover: each device alone, and any of them together."""
+"""Cells put together from devices plan, run in the simulated cell, fail and recover: each
+device alone, and any of them together.
+"""
 
 import itertools
 import json
@@ -45,12 +47,16 @@ def answer(*arguments: object) -> tuple[int, dict[str, Any]]:
 
 
 def assert_all_works(folder: Path, devices: tuple[str, ...]) -> None:
-    """Nothing is wrong with the cell, it runs, and after each fault that its devices propose the goals are still reached."""
+    """Nothing is wrong with the cell, it runs, and after each fault that its devices propose
+    the goals are still reached.
+    """
     _, faults = create_with(folder, devices)
     assert answer("check", folder)[0] == 0
     problem = folder / "problems" / "first.yaml"
     assert answer("run", problem)[0] == 0
-    steps = {step["operator"].partition("(")[0] for step in answer("plan", problem)[1]["plan"]["steps"]}
+    steps = {
+        step["operator"].partition("(")[0] for step in answer("plan", problem)[1]["plan"]["steps"]
+    }
     tried = [each for each in faults if each.partition("=")[0] in steps]
     assert tried or not faults
     for fault in tried:
@@ -131,9 +137,14 @@ def test_all_devices_in_one_cell_contradict_each_other_nowhere(tmp_path: Path) -
     assert len(model.causes) > 50
 
 
-@pytest.mark.parametrize("devices", list(itertools.permutations(["capper", "dispenser", "conveyor"])))
+@pytest.mark.parametrize(
+    "devices", list(itertools.permutations(["capper", "dispenser", "conveyor"]))
+)
 def test_a_probe_arrives_is_filled_and_is_closed_in_whatever_order_devices_are_named(
     tmp_path: Path, devices: tuple[str, ...]
 ) -> None:
     written, _ = assemble_domain(tmp_path, "cell", devices)
-    assert "stages: inside(P, conveyor), filled(P, 5), capped(P), stored(P)" in written["problems/first.yaml"]
+    assert (
+        "stages: inside(P, conveyor), filled(P, 5), capped(P), stored(P)"
+        in written["problems/first.yaml"]
+    )

@@ -49,7 +49,15 @@ def test_its_tests_tell_every_cause(folder: Path, cause: str) -> None:
 
 
 def test_an_item_that_the_sensor_did_not_see_is_not_picked_again(folder: Path) -> None:
-    case = ("--exception", "not_gripped", "--step", "pick(bolt)", "--hidden", "sensor_dirty", "--recover")
+    case = (
+        "--exception",
+        "not_gripped",
+        "--step",
+        "pick(bolt)",
+        "--hidden",
+        "sensor_dirty",
+        "--recover",
+    )
     _, found = answer("diagnose", folder / "problems" / "two_items.yaml", *case)
     operators = [step["operator"] for step in found["recovery"]["plan"]["steps"]]
     assert "pick(plate)" in operators

@@ -23,7 +23,10 @@ HELD = '{"empty": "e.npy", "held": [{"joints": [%s, 0, 0, 0, 0, 0], "image": "b.
         ('{"plates": [{"image": "a.npy"}]}', "`distance` and `image`"),
         ('{"plates": [{"distance": -1, "image": "a.npy"}]}', "positive number of millimetres"),
         ('{"plates": [{"distance": NaN, "image": "a.npy"}]}', "positive number of millimetres"),
-        (f'{{"plates": [{{"distance": {ENDLESS}, "image": "a.npy"}}]}}', "positive number of millimetres"),
+        (
+            f'{{"plates": [{{"distance": {ENDLESS}, "image": "a.npy"}}]}}',
+            "positive number of millimetres",
+        ),
         ('{"plates": [{"distance": 600, "image": "a.npy"}]}', "no such file"),
     ],
 )

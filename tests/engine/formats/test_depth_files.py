@@ -38,7 +38,10 @@ def write_png(path: Path) -> None:
 
 def write_pcd(path: Path) -> None:
     rows = "\n".join(" ".join(f"{x:.9f}" for x in row) for row in points())
-    head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 47\nHEIGHT 1\n"
+    head = (
+        "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH "
+        "47\nHEIGHT 1\n"
+    )
     path.write_text(f"{head}VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(points())}\nDATA ascii\n{rows}\n")
 
 
@@ -86,7 +89,9 @@ def test_another_size_or_kind_is_told(tmp_path: Path) -> None:
         ("x,y,z\n1,2,1e200\n", "a coordinate is greater than"),
     ],
 )
-def test_a_table_without_three_columns_of_numbers_is_told(text: str, said: str, tmp_path: Path) -> None:
+def test_a_table_without_three_columns_of_numbers_is_told(
+    text: str, said: str, tmp_path: Path
+) -> None:
     (tmp_path / "points.csv").write_text(text)
     with pytest.raises(InvalidInput, match=said):
         read_cloud(tmp_path / "points.csv")

@@ -15,7 +15,9 @@ SIZE = OTHERS + LAYERS * WIDE
 @given(st.integers(0, 1 << 32))
 @settings(max_examples=300, deadline=None)
 def test_derived_atoms_kept_up_to_date_are_those_deduced_from_scratch(seed: int) -> None:
-    """On random rules in layers, with recursion, and a random walk of states with stray derived atoms and bytes behind them."""
+    """On random rules in layers, with recursion, and a random walk of states with stray derived
+    atoms and bytes behind them.
+    """
     chance = random.Random(seed)
     heads, bodies, layers = [], [], []
     for layer in range(LAYERS):

@@ -17,7 +17,9 @@ KERNELS = sorted(TOP.glob("engine/**/*.pxd"))
 
 
 def test_kernels_are_compiled_together_or_not_at_all() -> None:
-    compiled = {any(file.with_suffix(end).is_file() for end in EXTENSION_SUFFIXES) for file in KERNELS}
+    compiled = {
+        any(file.with_suffix(end).is_file() for end in EXTENSION_SUFFIXES) for file in KERNELS
+    }
     assert len(compiled) == 1, "python setup.py build_ext --inplace"
 
 
@@ -30,7 +32,9 @@ def test_plain_python_in_place_of_a_kernel_is_told_once_and_not_in_the_answer(
     assert result.stderr == UNCOMPILED
 
 
-def test_modules_without_types_are_no_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_modules_without_types_are_no_kernels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in [name for name in sys.modules if name.startswith("cellwright.engine.")]:
         monkeypatch.delitem(sys.modules, name)
     plain = type(sys)("cellwright.engine.plain")

@@ -61,7 +61,9 @@ def test_angles_are_those_of_numpy_to_rounding(rng: np.random.Generator) -> None
 
 
 def test_angles_at_the_axes_and_of_what_is_no_point() -> None:
-    assert [angle_of(y, x) for y, x in ((0.0, 0.0), (0.0, 2.0), (3.0, 0.0), (-3.0, 0.0), (0.0, -1.0))] == [
+    assert [
+        angle_of(y, x) for y, x in ((0.0, 0.0), (0.0, 2.0), (3.0, 0.0), (-3.0, 0.0), (0.0, -1.0))
+    ] == [
         0.0,
         0.0,
         np.pi / 2,

@@ -14,7 +14,9 @@ BOTH = pytest.mark.parametrize("module", [bits, interpreted(bits)], ids=["import
 
 @BOTH
 @given(st.sets(st.integers(0, 400)))
-def test_a_bitset_holds_exactly_its_positions_lowest_first(module: ModuleType, positions: set[int]) -> None:
+def test_a_bitset_holds_exactly_its_positions_lowest_first(
+    module: ModuleType, positions: set[int]
+) -> None:
     made = module.bitset(iter(positions))
     assert made == sum(2**position for position in positions)
     assert module.indices(made) == sorted(positions)

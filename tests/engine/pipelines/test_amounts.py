@@ -70,7 +70,9 @@ def test_arithmetic_is_computed(
 
 def test_an_amount_without_a_value_is_reported_with_its_instance(tmp_path: Path) -> None:
     for duration, cost in (("10 / (After - 1)", "1"), ("1", "10 \\ (After - 1)")):
-        with pytest.raises(InvalidInput, match=r"K115: \(10[/\\]\(1-1\)\) has no value, .* fill\(a, 0, 1\)"):
+        with pytest.raises(
+            InvalidInput, match=r"K115: \(10[/\\]\(1-1\)\) has no value, .* fill\(a, 0, 1\)"
+        ):
             outcome_of(tmp_path, duration, cost)
 
 
@@ -82,7 +84,9 @@ def test_an_amount_that_wraps_around_is_reported(tmp_path: Path, product: str) -
 
 
 @pytest.mark.parametrize(("duration", "cost"), [("2 - After", "1"), ("1", "1 - After")])
-def test_a_negative_amount_is_reported_with_its_instance(tmp_path: Path, duration: str, cost: str) -> None:
+def test_a_negative_amount_is_reported_with_its_instance(
+    tmp_path: Path, duration: str, cost: str
+) -> None:
     with pytest.raises(InvalidInput, match=r"K113.*of fill\(a, [1-3], [2-4]\) is -"):
         outcome_of(tmp_path, duration, cost)
 
@@ -90,4 +94,8 @@ def test_a_negative_amount_is_reported_with_its_instance(tmp_path: Path, duratio
 def test_a_resource_may_be_computed(tmp_path: Path) -> None:
     found = outcome_of(tmp_path, resource="valve(After + 1)")
     assert isinstance(found, Found)
-    assert [str(step.resources[0]) for step in found.plan.steps] == ["valve(2)", "valve(3)", "valve(4)"]
+    assert [str(step.resources[0]) for step in found.plan.steps] == [
+        "valve(2)",
+        "valve(3)",
+        "valve(4)",
+    ]

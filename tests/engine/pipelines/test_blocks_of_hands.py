@@ -18,7 +18,12 @@ from cellwright.engine.pipelines.planning.timetable.block_schedule import (
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.scheduling import check_schedule
 from cellwright.engine.stages.scheduling.arm_assignment import shared_out
-from cellwright.engine.stages.scheduling.plan_blocks import Unstructured, arm_resources, arms_to, cut_blocks
+from cellwright.engine.stages.scheduling.plan_blocks import (
+    Unstructured,
+    arm_resources,
+    arms_to,
+    cut_blocks,
+)
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Term
@@ -70,7 +75,8 @@ def bakery(folder: Path, hands: str, loaves: int) -> Problem:
     (folder / "domain.yaml").write_text(text)
     there = ", ".join(f'"at(loaf_{n}, tray_{n})"' for n in range(1, loaves + 1))
     chains = "".join(
-        f'  - {{for: {{L: [loaf_{n}]}}, stages: "baked(L), at(L, tray_{n})"}}\n' for n in range(1, loaves + 1)
+        f'  - {{for: {{L: [loaf_{n}]}}, stages: "baked(L), at(L, tray_{n})"}}\n'
+        for n in range(1, loaves + 1)
     )
     (folder / "problem.yaml").write_text(
         f"problem: day\ndomain: bakery\ninitial: [{there}]\nworkflow:\n{chains}"
@@ -87,12 +93,17 @@ def made_of(problem: Problem) -> Timetable:
 
 
 def hands_of(made: Timetable) -> set[str]:
-    return {str(step.operator.arguments[0]) for step in made.plan.steps if step.operator.name != "bake"}
+    return {
+        str(step.operator.arguments[0]) for step in made.plan.steps if step.operator.name != "bake"
+    }
 
 
 def test_two_hands_are_sooner_done_than_one(tmp_path: Path) -> None:
     (tmp_path / "one").mkdir()
-    one, two = made_of(bakery(tmp_path / "one", "[left]", 3)), made_of(bakery(tmp_path, "[left, right]", 3))
+    one, two = (
+        made_of(bakery(tmp_path / "one", "[left]", 3)),
+        made_of(bakery(tmp_path, "[left, right]", 3)),
+    )
     assert (one.scope, two.scope) == (SCOPE_BLOCKS, SCOPE_BLOCKS)
     assert one.schedule.makespan == 3 * 40  # in, baked, out, one after another
     assert two.schedule.makespan == 3 * 20 + 2 * 10 + 2 * 10  # one hand waits with the next loaf
@@ -103,7 +114,9 @@ def test_no_hand_does_two_steps_at_once(tmp_path: Path) -> None:
     made = made_of(bakery(tmp_path, "[left, right]", 3))
     for one, other in combinations(made.plan.steps, 2):
         if set(one.resources) & set(other.resources):
-            first, second = sorted((made.starts[s.id], made.starts[s.id] + s.duration) for s in (one, other))
+            first, second = sorted(
+                (made.starts[s.id], made.starts[s.id] + s.duration) for s in (one, other)
+            )
             assert first[1] <= second[0]
 
 

@@ -1,4 +1,6 @@
-"""What a plan file says is checked: durations, costs, resources, starts, sums, links; and it finds its domain."""
+"""What a plan file says is checked: durations, costs, resources, starts, sums, links; and it
+finds its domain.
+"""
 
 import json
 import shutil
@@ -39,7 +41,10 @@ FALSE: dict[str, tuple[Falsify, str]] = {
     "duration": (_set("heat", "duration", 5), "has the duration 600, not 5"),
     "cost": (_set("heat", "cost", 0), "has the cost 1, not 0"),
     "held": (_set("heat", "resources", ["probe_1"]), "must hold"),
-    "held more": (_set("heat", "resources", ["slot(furnace, 1)", "probe_1", "rack"]), "holds no rack"),
+    "held more": (
+        _set("heat", "resources", ["slot(furnace, 1)", "probe_1", "rack"]),
+        "holds no rack",
+    ),
     "start": (_set("put", "start", 0), "starts at 0, but step"),
     "negative start": (lambda plan: plan["steps"][0].update(start=-1), "starts at -1, before 0"),
     "sum": (lambda plan: plan.update(cost=4), "the cost is 5, not 4"),
@@ -104,7 +109,9 @@ def test_what_is_left_out_is_as_the_domain_says(answer: str, tmp_path: Path) -> 
     assert "5 steps, cost 5, makespan 619 s" in run("validate", str(tmp_path / "plan.json"))[1]
 
 
-def test_a_plan_finds_its_domain_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_finds_its_domain_from_any_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "here").mkdir()
     create_domain(tmp_path / "here" / "mine")
     monkeypatch.chdir(tmp_path / "here")
@@ -116,7 +123,9 @@ def test_a_plan_finds_its_domain_from_any_folder(tmp_path: Path, monkeypatch: py
         assert run("validate", str(tmp_path / "plans" / "plan.json"))[0] == 0
 
 
-def test_a_plan_that_moves_with_its_domain_finds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_that_moves_with_its_domain_finds_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "old" / "plans").mkdir(parents=True)
     create_domain(tmp_path / "old" / "mine")
     monkeypatch.chdir(tmp_path / "old")

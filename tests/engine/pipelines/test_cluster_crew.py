@@ -33,7 +33,9 @@ def test_a_cluster_does_what_processes_do(cluster: Any, tmp_path: Path) -> None:
     assert results(kind(), asked, crew_of(0, address)) == results(kind(), asked, crew_of(1))
 
 
-def test_workers_look_for_cycles_as_rarely_as_the_command_does(cluster: Any, tmp_path: Path) -> None:
+def test_workers_look_for_cycles_as_rarely_as_the_command_does(
+    cluster: Any, tmp_path: Path
+) -> None:
     telling = WorkKind("test", tell_threshold, lost)
     found = results(telling, units(tmp_path, "a"), crew_of(0, cluster.address))
     assert found["a"].split()[0] == str(COLLECTION_THRESHOLD)
@@ -41,8 +43,14 @@ def test_workers_look_for_cycles_as_rarely_as_the_command_does(cluster: Any, tmp
 
 def test_a_worker_that_dies_is_replaced_and_its_unit_done(cluster: Any, tmp_path: Path) -> None:
     address = cluster.address
-    found = results(kind(tmp_path / "s.db"), units(tmp_path, "a", "die once", "eat"), crew_of(0, address))
-    assert found == {"a": "done a", "die once": "done die once", "eat": "unfinished eat: out of memory"}
+    found = results(
+        kind(tmp_path / "s.db"), units(tmp_path, "a", "die once", "eat"), crew_of(0, address)
+    )
+    assert found == {
+        "a": "done a",
+        "die once": "done die once",
+        "eat": "unfinished eat: out of memory",
+    }
 
 
 def test_workers_hear_that_a_unit_is_not_wanted_any_more(cluster: Any, tmp_path: Path) -> None:
@@ -63,7 +71,9 @@ def test_a_scheduler_that_ends_is_told_and_what_is_finished_is_kept(tmp_path: Pa
     asked = units(tmp_path, "a", "wait")
     with Cluster.started(Path(__file__).parents[3], 1) as own:
         found = {}
-        for unit, said in carried_out(kind(tmp_path / "s.db"), asked, crew_of(0, own.address), never):
+        for unit, said in carried_out(
+            kind(tmp_path / "s.db"), asked, crew_of(0, own.address), never
+        ):
             found[unit.name] = said
             if unit.name == "a":
                 os.kill(own.processes["scheduler"].pid, signal.SIGKILL)

@@ -1,4 +1,6 @@
-"""Arithmetic inside terms means the same to clingo, which grounds it, and to the checker, which solves bodies itself."""
+"""Arithmetic inside terms means the same to clingo, which grounds it, and to the checker, which
+solves bodies itself.
+"""
 
 from pathlib import Path
 
@@ -73,4 +75,6 @@ def test_the_checker_accepts_what_grounding_found(tmp_path: Path, where: str) ->
 def test_an_equation_waits_until_its_sum_can_be_done() -> None:
     facts = FactSet(parse_expression("atoms", "last(5), num(3), num(4)").value)
     assert is_satisfiable(parse_expression("body", "last(M), M = N + 1, num(N)").value, facts, {})
-    assert not is_satisfiable(parse_expression("body", "last(M), M = N + 3, num(N)").value, facts, {})
+    assert not is_satisfiable(
+        parse_expression("body", "last(M), M = N + 3, num(N)").value, facts, {}
+    )

@@ -1,4 +1,6 @@
-"""Controllers in other processes: whatever one does, each command ends, or the loss is told in time."""
+"""Controllers in other processes: whatever one does, each command ends, or the loss is told in
+time.
+"""
 
 import json
 import sys
@@ -65,7 +67,9 @@ def run(
         made = ControllerDriver(servers[0].place, HURRY, "tried")
         monkeypatch.setattr(sys.modules[name_run.__module__], "driver", lambda *_: made)
         records: list[JournalRecord] = []
-        ending = begin_run(wanted, problem, TimedOrders(), [records.append], SearchLimits(), outcome)
+        ending = begin_run(
+            wanted, problem, TimedOrders(), [records.append], SearchLimits(), outcome
+        )
         return ending.outcome, records  # type: ignore[union-attr]
 
     yield runs
@@ -97,7 +101,9 @@ def test_a_controller_that_behaves_reaches_the_goals(
     ],
 )
 def test_nonsense_beside_a_reply_is_told_and_changes_nothing(
-    run: Callable[[Manners], tuple[str, list[JournalRecord]]], instead: Callable[[bytes], Lines], trouble: str
+    run: Callable[[Manners], tuple[str, list[JournalRecord]]],
+    instead: Callable[[bytes], Lines],
+    trouble: str,
 ) -> None:
     outcome, records = run(at_reply(4, instead))
     assert outcome == "reached"
@@ -111,9 +117,13 @@ def test_a_command_without_a_reply_is_an_exception_at_its_timeout(
     _, records = run(at_reply(3, instead))
     given_up = next(each for each in records if each.kind is RecordKind.EXCEPTION)
     assert (given_up.content["command"], given_up.content["reply"]) == (3, "timeout")
-    sent = next(each for each in records if each.kind is RecordKind.COMMAND and each.content["command"] == 3)
+    sent = next(
+        each for each in records if each.kind is RecordKind.COMMAND and each.content["command"] == 3
+    )
     quiet = next(
-        each for each in records if each.kind is RecordKind.PHASE and each.content["phase"] == "quiescing"
+        each
+        for each in records
+        if each.kind is RecordKind.PHASE and each.content["phase"] == "quiescing"
     )
     assert quiet.at_ms <= sent.at_ms + sent.content["timeout_ms"] + 1000
 
@@ -152,10 +162,20 @@ def test_a_connection_that_breaks_is_made_again_and_nothing_is_done_twice(
 def _command(number: int, problem: Problem) -> DriverCommand:
     found = first_plan(problem)
     assert isinstance(found, ReadyPlan)
-    steps = sorted(found.compiled.program.activities.values(), key=lambda each: (each.start_ms, each.id))
+    steps = sorted(
+        found.compiled.program.activities.values(), key=lambda each: (each.start_ms, each.id)
+    )
     a = steps[number - 1]
     return DriverCommand(
-        number, CommandKind.STEP, a.stream, a.action, a.says, a.expects, (), a.lasts_ms, a.timeout_ms
+        number,
+        CommandKind.STEP,
+        a.stream,
+        a.action,
+        a.says,
+        a.expects,
+        (),
+        a.lasts_ms,
+        a.timeout_ms,
     )
 
 
@@ -174,7 +194,9 @@ def test_a_reply_after_the_timeout_is_late(problem: Problem) -> None:
 
 def test_bulk_data_comes_in_parts_before_the_reply(problem: Problem) -> None:
     part = (
-        json.dumps({"type": "part", "number": 1, "name": "depth_map", "text": "AAAA" * 100_000}).encode()
+        json.dumps(
+            {"type": "part", "number": 1, "name": "depth_map", "text": "AAAA" * 100_000}
+        ).encode()
         + b"\n"
     )
     server = Server(problem, at_reply(1, lambda line: [part, part, line]))
@@ -187,7 +209,9 @@ def test_bulk_data_comes_in_parts_before_the_reply(problem: Problem) -> None:
     assert reply.data["depth_map"] == "AAAA" * 200_000
 
 
-def test_a_command_sent_again_under_its_number_is_carried_out_once(problem: Problem, tmp_path: Path) -> None:
+def test_a_command_sent_again_under_its_number_is_carried_out_once(
+    problem: Problem, tmp_path: Path
+) -> None:
     log = tmp_path / "cell.log"
     server = Server(problem, log=str(log))
     for _ in range(2):
@@ -215,7 +239,8 @@ def test_the_reference_controller_conforms(problem: Problem) -> None:
     server = Server(problem)
     options = {"address": f"127.0.0.1:{server.place.port}", "heartbeat": "1"}
     found = check_conformance(
-        DriverSetup(problem, "conformance", options=options), [_command(n, problem) for n in (1, 2, 3)]
+        DriverSetup(problem, "conformance", options=options),
+        [_command(n, problem) for n in (1, 2, 3)],
     )
     server.close()
     assert [each for each in found if each.wrong] == []
@@ -226,7 +251,8 @@ def test_conformance_names_what_a_controller_does_wrong(problem: Problem) -> Non
     server = Server(problem, at_reply(2, lambda _: []))
     options = {"address": f"127.0.0.1:{server.place.port}"}
     found = check_conformance(
-        DriverSetup(problem, "conformance", options=options), [_command(n, problem) for n in (1, 2, 3)]
+        DriverSetup(problem, "conformance", options=options),
+        [_command(n, problem) for n in (1, 2, 3)],
     )
     server.close()
     assert any("replies once" in each.point and each.wrong == "no reply came" for each in found)
@@ -237,7 +263,9 @@ def test_conformance_names_what_a_controller_does_wrong(problem: Problem) -> Non
     [{}, {"address": "nowhere"}, {"address": "a:99999"}, {"command": "a", "address": "b:1"}, {"speed": "9"},
      {"command": "a", "answer": "soon"}, {"command": "a", "heartbeat": "nan"}],
 )  # fmt: skip
-def test_options_that_name_no_controller_are_refused(problem: Problem, options: dict[str, str]) -> None:
+def test_options_that_name_no_controller_are_refused(
+    problem: Problem, options: dict[str, str]
+) -> None:
     from cellwright.engine.pipelines.execution.controllers import external_controller
 
     with pytest.raises(InvalidInput):

@@ -43,21 +43,28 @@ def cell(folder: Path, bundled: str, statics: Collection[str], rules: str = "") 
     """A copy of a bundled domain that declares some more conventions."""
     shutil.copytree(BUNDLED / bundled, folder)
     for device in DEVICES.get(bundled, ()):  # their files are renamed, too
-        head = shutil.copytree(BUNDLED / "devices" / device, folder / "devices" / device) / "device.yaml"
+        head = (
+            shutil.copytree(BUNDLED / "devices" / device, folder / "devices" / device)
+            / "device.yaml"
+        )
         kept = head.read_text("utf-8").replace("conventions:\n  position: $position\n", "")
         head.write_text(kept, "utf-8")  # the domain itself says what it calls them
     domain, facts = folder / "domain.yaml", folder / "rules.lp"
     declared = "".join(
-        f"  {CONVENTION_BY_NAME[role].written().replace('place', 'object')}: {{}}\n" for role in statics
+        f"  {CONVENTION_BY_NAME[role].written().replace('place', 'object')}: {{}}\n"
+        for role in statics
     )
-    domain.write_text(domain.read_text("utf-8").replace("\nstatics:", f"\nstatics:\n{declared}", 1), "utf-8")
+    domain.write_text(
+        domain.read_text("utf-8").replace("\nstatics:", f"\nstatics:\n{declared}", 1), "utf-8"
+    )
     facts.write_text(facts.read_text("utf-8") + rules, "utf-8")
     return folder
 
 
 def rename(folder: Path, roles: Collection[str]) -> None:
     """Another name for each convention, in every file of a domain."""
-    key = r"(?:(?<=nominal)|(?<=tolerance)|(?<=\nneeds)):"  # of the part `measures` of a command; ports of a device
+    # of the part `measures` of a command; ports of a device
+    key = r"(?:(?<=nominal)|(?<=tolerance)|(?<=\nneeds)):"
     words = re.compile(
         rf"(?<!\w)(?<!ends: )({'|'.join(roles)})(?!\w)(?!{key})"
     )  # where a step of a cell ends
@@ -75,7 +82,9 @@ def as_before(text: str) -> str:
 
 @pytest.fixture
 def desks(tmp_path: Path) -> list[Path]:
-    """Two folders, each with a bulkhead cell and a table of points; in the second all conventions have other names."""
+    """Two folders, each with a bulkhead cell and a table of points; in the second all
+    conventions have other names.
+    """
     found = [tmp_path / "usual", tmp_path / "renamed"]
     for desk in found:
         cell(desk / "bulkhead", "bulkhead", TIMES)
@@ -144,8 +153,12 @@ def test_every_convention_is_renamed_and_nothing_is_wrong_with_that(desks: list[
 
 
 @pytest.mark.slow
-def test_times_of_other_names_make_the_same_schedule(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    usual, renamed = (cell(tmp_path / each, "themse", TIMES, TIMED) for each in ("usual", "renamed"))
+def test_times_of_other_names_make_the_same_schedule(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual, renamed = (
+        cell(tmp_path / each, "themse", TIMES, TIMED) for each in ("usual", "renamed")
+    )
     rename(renamed, TIMES)
     problems = [load_problem(str(folder / "problems" / "two.yaml")) for folder in (usual, renamed)]
     said = [wishes_of(Semantics(each).statics, each.domain.conventions) for each in problems]
@@ -160,7 +173,9 @@ def test_times_of_other_names_make_the_same_schedule(tmp_path: Path, monkeypatch
 def test_the_monitor_draws_the_order_of_measurements(desks: list[Path]) -> None:
     pictures = []
     for desk, fact in zip(
-        desks, ("measured(slra, t3_746, meas({}))", "measuredown(slra, t3_746, measown({}))"), strict=True
+        desks,
+        ("measured(slra, t3_746, meas({}))", "measuredown(slra, t3_746, measown({}))"),
+        strict=True,
     ):
         steps = [{"id": n, "adds": [fact.format(f"m{n}"), "free"]} for n in (1, 2, 3)]
         target = (str(desk / "bulkhead/problems/twelve_points.yaml"), "", "")

@@ -30,7 +30,10 @@ def outcomes(problem: Path, generated: File) -> tuple[Outcome, Outcome]:
 
 @pytest.mark.parametrize(
     "problem",
-    [pytest.param(p, id=p.stem, marks=() if p.stem in QUICK else pytest.mark.slow) for p in PROBLEMS],
+    [
+        pytest.param(p, id=p.stem, marks=() if p.stem in QUICK else pytest.mark.slow)
+        for p in PROBLEMS
+    ],
 )
 def test_the_generated_domain_reaches_the_same_goals(problem: Path, generated: File) -> None:
     by_hand, made = outcomes(problem, generated)
@@ -51,5 +54,7 @@ def test_a_plan_never_puts_a_probe_under_the_lid(generated: File) -> None:
     outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     steps = [each.operator.name for each in outcome.plan.steps]
-    insert = next(n for n, name in enumerate(steps) if name.startswith("insert_probe_themse_freezer"))
+    insert = next(
+        n for n, name in enumerate(steps) if name.startswith("insert_probe_themse_freezer")
+    )
     assert not any(name.startswith("put_themse_lid_themse_freezer") for name in steps[:insert])

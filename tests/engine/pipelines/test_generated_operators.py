@@ -63,6 +63,9 @@ def planned(model_path: Path, recipe: Recipe, goals: set[Octuple]) -> object:
     domain = load(model_path, lambda _: file).domain
     words = NetVocabulary(model, bare)
     said = (
-        f"contact({words.point(each.first, {})}, {words.point(each.second, {})})" for each in sorted(goals)
+        f"contact({words.point(each.first, {})}, {words.point(each.second, {})})"
+        for each in sorted(goals)
     )
-    return checked_plan.plan_problem(with_goals(domain, ", ".join(said)), SearchLimits(expansions=2_000))
+    return checked_plan.plan_problem(
+        with_goals(domain, ", ".join(said)), SearchLimits(expansions=2_000)
+    )

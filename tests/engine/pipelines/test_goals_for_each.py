@@ -30,7 +30,8 @@ operators:
 def problem(folder: Path, goal: str) -> Problem:
     (folder / "domain.yaml").write_text(DOMAIN, "utf-8")
     (folder / "all.yaml").write_text(
-        f'problem: all\ndomain: sorting\nstatics: ["heavy(b), heavy(c), asked(c, blue), asked(a, red)"]\ngoals: ["{goal}"]\n',
+        'problem: all\ndomain: sorting\nstatics: ["heavy(b), heavy(c), asked(c, blue), '
+        f'asked(a, red)"]\ngoals: ["{goal}"]\n',
         "utf-8",
     )
     return load_problem(folder / "all.yaml")
@@ -69,7 +70,10 @@ def test_a_scope_keeps_whole_what_is_kept_whole_and_the_rest_in_parts(tmp_path: 
     both = replace(given, goal=And((given.goal, pairs.goal)))
     whole, *_ = goal_parts(given.goal)
     narrowed = RunScope(both).cut({}, {str(whole), "shown(a, red)"})
-    assert [str(each) for each in goal_parts(narrowed.problem.goal)] == [str(whole), "shown(a, red)"]
+    assert [str(each) for each in goal_parts(narrowed.problem.goal)] == [
+        str(whole),
+        "shown(a, red)",
+    ]
 
 
 FAULTS = """faults: sorting

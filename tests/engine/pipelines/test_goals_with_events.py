@@ -55,7 +55,9 @@ def test_a_goal_is_kept_with_the_stage_whose_event_it_needs(reach: Reach) -> Non
 
 def test_a_goal_is_kept_where_its_chain_waits_for_another_one(reach: Reach) -> None:
     first = "{name: b, stages: 'filled(two)'}"
-    found = reach(f"goals: [closed(one)]\nworkflow: [{first}, {{after: [b], stages: 'filled(one), cold'}}]\n")
+    found = reach(
+        f"goals: [closed(one)]\nworkflow: [{first}, {{after: [b], stages: 'filled(one), cold'}}]\n"
+    )
     assert steps(found) == ["fill(two)", "fill(one)", "close(one)"]
     assert lost(found) == [("cold of 2", IN_ANY_CASE)]
 
@@ -66,10 +68,15 @@ def test_a_goal_whose_event_comes_after_what_is_lost_is_given_up(reach: Reach) -
     assert ("closed(one)", IN_ANY_CASE) in lost(found)
 
 
-def test_the_workflow_is_named_if_a_goal_needs_an_event_that_is_given_up_with_it(reach: Reach) -> None:
-    """The second chain would allow the event, but waits for a fluent; the third waits for what is lost."""
+def test_the_workflow_is_named_if_a_goal_needs_an_event_that_is_given_up_with_it(
+    reach: Reach,
+) -> None:
+    """The second chain would allow the event, but waits for a fluent; the third waits for what
+    is lost.
+    """
     text = (
-        "workflow: [{name: a, stages: cold}, {name: b, after: [a], stages: 'broken & cold, filled(one)'}]\n"
+        "workflow: [{name: a, stages: cold}, {name: b, after: [a], stages: 'broken & cold, "
+        "filled(one)'}]\n"
     )
     found = reach(f"goals: ['closed(one)']\n{text}")
     assert ("closed(one)", NO_EVENT) in lost(found)

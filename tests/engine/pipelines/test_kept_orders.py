@@ -1,4 +1,6 @@
-"""Schedules that keep the order of a plan: longest paths, with the ways of the arm, for plans of any length."""
+"""Schedules that keep the order of a plan: longest paths, with the ways of the arm, for plans
+of any length.
+"""
 
 from itertools import pairwise
 from pathlib import Path
@@ -9,11 +11,19 @@ from hypothesis import strategies as st
 
 from cellwright.engine.formats.report.plans.gantt_chart import BarKind, GanttBar, join_short_bars
 from cellwright.engine.formats.report.plans.gantt_svg import draw_gantt
-from cellwright.engine.model.plan_times import Bottleneck, TimeShare, earliest_starts, find_bottleneck
+from cellwright.engine.model.plan_times import (
+    Bottleneck,
+    TimeShare,
+    earliest_starts,
+    find_bottleneck,
+)
 from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.pipelines.planning import timetable as module
 from cellwright.engine.pipelines.planning.timetable import keep_plan_order, make_timetable
-from cellwright.engine.pipelines.planning.timetable.kept_order import MAX_SCHEDULED_STEPS, SCOPE_KEPT_ORDER
+from cellwright.engine.pipelines.planning.timetable.kept_order import (
+    MAX_SCHEDULED_STEPS,
+    SCOPE_KEPT_ORDER,
+)
 from cellwright.engine.stages.scheduling import check_schedule
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.asp import ground_term
@@ -54,7 +64,9 @@ MOTION = "motion: {speed: 1 m/s}"
 TABLE = "  travel(place, place, time): {}"
 
 
-def yard(folder: Path, travel: str = MOTION, statics: str = "", facts: tuple[str, ...] = ()) -> Problem:
+def yard(
+    folder: Path, travel: str = MOTION, statics: str = "", facts: tuple[str, ...] = ()
+) -> Problem:
     """Ten places a metre and more apart, and two arms that wave there."""
     positions = tuple(f"position(p{n}, {n * n * 1_000_000}, 0, 0)" for n in range(10))
     folder.mkdir(exist_ok=True)
@@ -82,7 +94,9 @@ def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
     return yard(tmp_path_factory.mktemp("yard"))
 
 
-visits = st.lists(st.tuples(st.sampled_from(["crane", "truck"]), st.integers(0, 9)), min_size=1, max_size=9)
+visits = st.lists(
+    st.tuples(st.sampled_from(["crane", "truck"]), st.integers(0, 9)), min_size=1, max_size=9
+)
 
 
 @given(visits)
@@ -114,7 +128,9 @@ def test_a_table_lists_the_ways_that_take_time(tmp_path: Path) -> None:
     assert list(made.starts.values()) == [0, 9, 20, 22]
 
 
-def test_a_fact_tells_the_time_of_its_pair_and_the_motion_that_of_all_others(tmp_path: Path) -> None:
+def test_a_fact_tells_the_time_of_its_pair_and_the_motion_that_of_all_others(
+    tmp_path: Path,
+) -> None:
     problem = yard(tmp_path / "both", MOTION, TABLE, ("travel(p0, p1, 50)",))
     made = keep_plan_order(problem, waves(("crane", 0), ("crane", 1), ("crane", 0)))
     assert list(made.starts.values()) == [0, 52, 55]
@@ -145,7 +161,9 @@ def test_long_plans_are_timed_without_grounding_and_their_charts_stay_small(
     assert "more than 400 steps" in made.note
     monkeypatch.setattr(module, "_checked_plan", refused)
     long = keep_plan_order(problem, circling(12 * MAX_SCHEDULED_STEPS))
-    ways = sum(abs((n % 10) ** 2 - ((n + 1) % 10) ** 2) for n in range(12 * MAX_SCHEDULED_STEPS - 1))
+    ways = sum(
+        abs((n % 10) ** 2 - ((n + 1) % 10) ** 2) for n in range(12 * MAX_SCHEDULED_STEPS - 1)
+    )
     assert long.schedule.makespan == ways + 24 * MAX_SCHEDULED_STEPS
     assert len(draw_gantt(long.shop, long.schedule)) < 2_000_000
 
@@ -159,7 +177,9 @@ bars = st.lists(st.tuples(st.integers(0, 30), st.integers(1, 40)), min_size=1, m
 
 
 @given(bars, st.floats(0.5, 60))
-def test_joined_bars_are_few_and_cover_what_the_bars_cover(gaps: list[tuple[int, int]], least: float) -> None:
+def test_joined_bars_are_few_and_cover_what_the_bars_cover(
+    gaps: list[tuple[int, int]], least: float
+) -> None:
     made: list[GanttBar] = []
     for gap, length in gaps:
         start = (made[-1].end if made else 0) + gap

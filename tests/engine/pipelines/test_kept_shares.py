@@ -1,4 +1,6 @@
-"""A kept sequence that several arms share: what is done stays, and the rest keeps its shares until something changes."""
+"""A kept sequence that several arms share: what is done stays, and the rest keeps its shares
+until something changes.
+"""
 
 from pathlib import Path
 
@@ -9,7 +11,10 @@ from cellwright.engine.faces.cli import app
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.inspection.tour_progress import SequenceNews
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
-from cellwright.engine.pipelines.planning.decomposition.kept_sequences import SharedProgress, carry_on
+from cellwright.engine.pipelines.planning.decomposition.kept_sequences import (
+    SharedProgress,
+    carry_on,
+)
 from cellwright.engine.pipelines.planning.plan_objective import plan_sequence
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import InvalidInput
@@ -53,9 +58,16 @@ def test_arms_that_keep_to_their_orders_keep_their_shares(store: str, six: Probl
     assert orders(kept(store, six)) == {"west": ["m3"], "east": ["m5", "m4"]}
 
 
-def test_what_is_done_out_of_turn_leaves_every_other_visit_to_some_arm(store: str, six: Problem) -> None:
+def test_what_is_done_out_of_turn_leaves_every_other_visit_to_some_arm(
+    store: str, six: Problem
+) -> None:
     found = kept(store, six, SequenceNews(done=("m3", "m5")))
-    assert sorted(name for own in orders(found).values() for name in own) == ["m1", "m2", "m4", "m6"]
+    assert sorted(name for own in orders(found).values() for name in own) == [
+        "m1",
+        "m2",
+        "m4",
+        "m6",
+    ]
     assert [each.name for each in found.plan.done] == ["m3", "m5"]
 
 

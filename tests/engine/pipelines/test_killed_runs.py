@@ -1,4 +1,6 @@
-"""A run whose process is killed while its controller lives on in another: resumed, it repeats nothing and reaches its goals."""
+"""A run whose process is killed while its controller lives on in another: resumed, it repeats
+nothing and reaches its goals.
+"""
 
 import json
 import os
@@ -19,7 +21,16 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([*sys.path, str(TOP)]
 @pytest.fixture
 def address(tmp_path: Path) -> Iterator[str]:
     """Where a simulated cell listens, in a process of its own, with a fault in it."""
-    line = [*CLI, "driver", "serve", TARGET, "--listen", "127.0.0.1:0", "--fault", "cap=cap_crooked"]
+    line = [
+        *CLI,
+        "driver",
+        "serve",
+        TARGET,
+        "--listen",
+        "127.0.0.1:0",
+        "--fault",
+        "cap=cap_crooked",
+    ]
     line += ["--option", f"log={tmp_path / 'cell.log'}"]
     with subprocess.Popen(line, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT) as cell:
         assert cell.stderr is not None
@@ -29,7 +40,9 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 
 def killed_after(events: int, line: list[str]) -> bool:
-    """Run a command line that writes events to its output, and kill it after some of them; whether it was still running."""
+    """Run a command line that writes events to its output, and kill it after some of them;
+    whether it was still running.
+    """
     with subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT) as run:
         assert run.stdout is not None
         seen = sum(1 for _, _ in zip(range(events), run.stdout, strict=False))
@@ -43,14 +56,30 @@ def test_a_killed_run_is_resumed_over_the_line_and_nothing_is_done_twice(
     events: int, address: str, tmp_path: Path
 ) -> None:
     store, name = str(tmp_path / "runs.db"), f"killed-{os.getpid()}-{events}"
-    line = [*CLI, "run", TARGET, "--name", name, "--store", store, "--events", "-", "--driver", "external"]
+    line = [
+        *CLI,
+        "run",
+        TARGET,
+        "--name",
+        name,
+        "--store",
+        store,
+        "--events",
+        "-",
+        "--driver",
+        "external",
+    ]
     assert killed_after(events, [*line, "--option", f"address={address}"])
     again = [*CLI, "resume", name, "--store", store, "--format", "json"]
     ended = subprocess.run(again, capture_output=True, text=True, env=ENVIRONMENT, check=False)
     assert ended.returncode == 0, ended.stderr
     assert json.loads(ended.stdout)["status"] == "reached"
-    log = [json.loads(each) for each in (tmp_path / "cell.log").read_text("utf-8").splitlines() if each]
+    log = [
+        json.loads(each) for each in (tmp_path / "cell.log").read_text("utf-8").splitlines() if each
+    ]
     numbers = Counter(each["ended"] for each in log if "ended" in each)
     assert max(numbers.values()) == 1
     done = Counter(each["action"] for each in log if "ended" in each and each["reply"] == "done")
-    assert all(count == 1 for action, count in done.items() if action.startswith(("pick", "put", "fill")))
+    assert all(
+        count == 1 for action, count in done.items() if action.startswith(("pick", "put", "fill"))
+    )

@@ -1,4 +1,6 @@
-"""Quantities at the end of the numbers of the language: sums of them are exact, and none gets larger than a number can be."""
+"""Quantities at the end of the numbers of the language: sums of them are exact, and none gets
+larger than a number can be.
+"""
 
 from pathlib import Path
 

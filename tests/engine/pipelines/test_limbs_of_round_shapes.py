@@ -14,7 +14,11 @@ from cellwright.engine.pipelines.motion.image_dimensions import (
 from cellwright.engine.stages.fitting.shape_fit import fit_measured_shape
 from cellwright.engine.stages.vision.range_edges import find_edges
 from cellwright.engine.stages.vision.range_patches import cloud_of
-from cellwright.engine.stages.vision.sensor_images import expected_ranges, resolve_ranges, scan_solids
+from cellwright.engine.stages.vision.sensor_images import (
+    expected_ranges,
+    resolve_ranges,
+    scan_solids,
+)
 from cellwright.kb.model.cell_model import Ranging
 from tests.engine.stages.solids import prism
 
@@ -24,7 +28,9 @@ RADIUS_M, LENGTH_M = 0.006, 0.012
 
 
 def pin(seed: int) -> RangeImage:
-    """A short pin that lies across the picture, its ends and both its limbs in sight, and nothing behind it."""
+    """A short pin that lies across the picture, its ends and both its limbs in sight, and
+    nothing behind it.
+    """
     around = np.linspace(0, 2 * np.pi, 400, endpoint=False)
     body = prism("pin", [(RADIUS_M * np.cos(a), RADIUS_M * np.sin(a)) for a in around], LENGTH_M)
     lying = transform(rotation_by_vector(np.array([0.0, np.pi / 2, 0.0])), (0.0, 0.0, 0.0))
@@ -67,9 +73,9 @@ def test_a_plane_has_no_limb() -> None:
 def test_the_diameter_of_a_pin_errs_as_stated() -> None:
     off = []
     for seed in range(40):
-        found = dimensions_in_image(pin(seed), [DimensionRequest("pin", FitShape.CYLINDER, WHOLE)]).fits[
-            "pin"
-        ]
+        found = dimensions_in_image(
+            pin(seed), [DimensionRequest("pin", FitShape.CYLINDER, WHOLE)]
+        ).fits["pin"]
         assert isinstance(found, Fit)
         off.append((found.radius_m - RADIUS_M) / found.deviation("radius"))
     assert abs(np.mean(off)) < 0.1 + 2.5 / np.sqrt(len(off))

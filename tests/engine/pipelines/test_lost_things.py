@@ -74,7 +74,9 @@ def test_a_lost_hand_carries_nothing_and_a_lost_arm_goes_nowhere(tmp_path: Path,
 
 
 def test_what_is_said_of_another_thing_does_not_keep_a_plate_where_it_is(tmp_path: Path) -> None:
-    """That the cover lights a lamp is said of the cover alone: a plate can be carried, a lost cover cannot."""
+    """That the cover lights a lamp is said of the cover alone: a plate can be carried, a lost
+    cover cannot.
+    """
     asked = problem(tmp_path, '["free(shelf)"]')
     assert steps(asked)
     assert not steps(asked, "cover")

@@ -1,8 +1,14 @@
-"""While a run goes on, every object is in one place of the net of contact states, and where its facts put it."""
+"""While a run goes on, every object is in one place of the net of contact states, and where its
+facts put it.
+"""
 
 import pytest
 
-from cellwright.engine.pipelines.contact_states.net_marking import Marking, marking_of_facts, player_of
+from cellwright.engine.pipelines.contact_states.net_marking import (
+    Marking,
+    marking_of_facts,
+    player_of,
+)
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.stages.states.net_player import NetPlayer
@@ -21,10 +27,14 @@ def facts() -> set[str]:
 
 
 def place_of(name: str, marked: Marking) -> str:
-    return next(place for place, clusters in marked.items() if any(name in each for each in clusters))
+    return next(
+        place for place, clusters in marked.items() if any(name in each for each in clusters)
+    )
 
 
-def test_at_the_start_the_net_is_marked_as_its_model_says(player: NetPlayer, facts: set[str]) -> None:
+def test_at_the_start_the_net_is_marked_as_its_model_says(
+    player: NetPlayer, facts: set[str]
+) -> None:
     assert marking_of_facts(player, facts) == player.marking(player.start)
 
 

@@ -1,4 +1,6 @@
-"""What steps measure: nominal values and limits from the domain, values from replies, and the verdict."""
+"""What steps measure: nominal values and limits from the domain, values from replies, and the
+verdict.
+"""
 
 from pathlib import Path
 
@@ -85,8 +87,12 @@ def test_what_no_fact_tells_is_kept_and_not_judged(problem: Problem) -> None:
     ("value", "passed"),
     [(Number(797), False), (Text("797.5"), True), (Number(802), True), (Text("802.6"), False)],
 )
-def test_a_value_passes_between_its_limits(problem: Problem, value: Number | Text, passed: bool) -> None:
-    found = MeasurementJudge(problem).measured(term("weigh(t1, left)"), Function("value", (value,)), 0)
+def test_a_value_passes_between_its_limits(
+    problem: Problem, value: Number | Text, passed: bool
+) -> None:
+    found = MeasurementJudge(problem).measured(
+        term("weigh(t1, left)"), Function("value", (value,)), 0
+    )
     assert found is not None
     assert found.passed is passed
 
@@ -98,7 +104,9 @@ def test_one_limit_is_enough(problem: Problem) -> None:
         for value in (-6, -5)
         if (each := measuring.measured(term("see(t1)"), Function("value", (Number(value),)), 0))
     ] == [False, True]
-    assert measuring.expected(term("see(t1)")) == ExpectedValue("spot(t1)", "see", "lx", "", None, -5, None)
+    assert measuring.expected(term("see(t1)")) == ExpectedValue(
+        "spot(t1)", "see", "lx", "", None, -5, None
+    )
 
 
 @pytest.mark.parametrize(
@@ -115,7 +123,9 @@ def test_a_step_that_measures_nothing_has_no_result(problem: Problem) -> None:
 
 
 def test_a_table_brings_nominal_values(tmp_path: Path) -> None:
-    (tmp_path / "points.csv").write_text("name,x,y,z,nx,ny,nz,nominal\na,0,0,0,0,0,1,6.35\nb,1,0,0,0,0,1,\n")
+    (tmp_path / "points.csv").write_text(
+        "name,x,y,z,nx,ny,nz,nominal\na,0,0,0,0,0,1,6.35\nb,1,0,0,0,0,1,\n"
+    )
     assert [each.nominal_m for each in read_table(tmp_path / "points.csv").points] == [
         pytest.approx(0.00635),
         None,
@@ -125,7 +135,10 @@ def test_a_table_brings_nominal_values(tmp_path: Path) -> None:
 def test_a_simulated_part_of_which_nothing_is_known_gives_what_is_usual() -> None:
     problem = problem_of("bulkhead/twelve_points")
     good, truth = GoodPart(problem, 1), PartTruth(problem)
-    wall, surface = term("us_measure(us_probe, t3_746, m1)"), term("laser_measure(slra, t3_746, m4)")
+    wall, surface = (
+        term("us_measure(us_probe, t3_746, m1)"),
+        term("laser_measure(slra, t3_746, m4)"),
+    )
     assert abs(int(good.value(wall, 1)) - 5000) < 200
     assert abs(int(good.value(surface, 1))) < 200
     assert truth.value(wall) == "5000"

@@ -1,4 +1,6 @@
-"""`plan` gives the plan that one would run: never longer than `schedule`, with arms and machines sharing the work."""
+"""`plan` gives the plan that one would run: never longer than `schedule`, with arms and
+machines sharing the work.
+"""
 
 import itertools
 from pathlib import Path
@@ -71,12 +73,16 @@ defaults:
 """
 
 
-def porters(folder: Path, left: int, right: int, goals: str, initial: tuple[str, ...] = ()) -> Problem:
+def porters(
+    folder: Path, left: int, right: int, goals: str, initial: tuple[str, ...] = ()
+) -> Problem:
     (folder / "domain.yaml").write_text(PORTERS)
     (folder / "rules.lp").write_text(f"takes(left, {left}). takes(right, {right}).")
     given_ = initial or tuple(f"at(i{n}, table)" for n in range(1, 5))
     listed = "".join(f"  - {fact}\n" for fact in given_)
-    (folder / "p.yaml").write_text(f"problem: p\ndomain: domain.yaml\ninitial:\n{listed}goals: ['{goals}']\n")
+    (folder / "p.yaml").write_text(
+        f"problem: p\ndomain: domain.yaml\ninitial:\n{listed}goals: ['{goals}']\n"
+    )
     return load_problem(str(folder / "p.yaml"))
 
 
@@ -127,7 +133,8 @@ def test_cost_and_makespan_are_different_objectives(tmp_path: Path) -> None:
     goals = ", ".join(f"at(i{n}, shelf)" for n in range(1, 5))
     problem = porters(tmp_path, 5, 5, goals)
     cheap, quick = (
-        plan_objective.plan_for_objective(problem, SearchLimits(), each) for each in PlanningObjective
+        plan_objective.plan_for_objective(problem, SearchLimits(), each)
+        for each in PlanningObjective
     )
     assert isinstance(cheap.outcome, Found)
     assert isinstance(quick.outcome, Found)
@@ -164,7 +171,9 @@ def test_schedule_is_never_longer_than_plan() -> None:
 def test_the_plan_that_is_printed_has_its_chart_and_says_what_is_proved() -> None:
     said = CliRunner().invoke(app, ["plan", "themse/in_furnace"], env={"COLUMNS": "150"}).stdout
     assert "█" in said
-    assert "makespan 619 s, proved to be the least of all schedules of the blocks of this plan" in said
+    assert (
+        "makespan 619 s, proved to be the least of all schedules of the blocks of this plan" in said
+    )
 
 
 def test_an_interrupted_call_still_gives_a_plan() -> None:
@@ -188,7 +197,9 @@ def test_when_the_time_is_over_no_solver_is_waited_for(monkeypatch: pytest.Monke
 
 
 def test_plans_that_are_told_of_have_their_own_cost() -> None:
-    """A second plan is looked for with times in the place of costs, and such sums are told to nobody."""
+    """A second plan is looked for with times in the place of costs, and such sums are told to
+    nobody.
+    """
     problem, heard = load_problem("bulkhead/both_tools"), list[int]()
     limits = SearchLimits(thorough=True, improved=lambda plan: heard.append(plan.cost))
     run = plan_objective.plan_for_objective(problem, limits, order=SequenceChoice.FREE)

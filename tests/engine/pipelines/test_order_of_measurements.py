@@ -1,4 +1,6 @@
-"""Measurements that a command puts in order are made in this order, whatever else is done between them, in recovery too."""
+"""Measurements that a command puts in order are made in this order, whatever else is done
+between them, in recovery too.
+"""
 
 import itertools
 import json
@@ -41,13 +43,17 @@ def test_measurements_among_other_acts_keep_the_order_of_their_sentence(seed: in
 
 
 @pytest.mark.slow
-def test_what_is_measured_anew_in_a_recovery_is_measured_in_this_order_as_well(tmp_path: Path) -> None:
+def test_what_is_measured_anew_in_a_recovery_is_measured_in_this_order_as_well(
+    tmp_path: Path,
+) -> None:
     made = tmp_path / "plan.json"
     invoke = CliRunner().invoke
     command = ("--command", "measure m9, then m1, then m2", "--format", "json")
     made.write_text(invoke(app, ["plan", TARGET, *command]).stdout)
     case = ("--exception", "implausible_value", "--step", "us_measure(us_probe, t3_746, m2)")
     how = ("--hidden", "part_moved", "--recover", "--objective", "repair", "--format", "json")
-    answer = json.loads(invoke(app, ["diagnose", "bulkhead", "--plan", str(made), *case, *how]).stdout)
+    answer = json.loads(
+        invoke(app, ["diagnose", "bulkhead", "--plan", str(made), *case, *how]).stdout
+    )
     steps = answer["data"]["recovery"]["plan"]["steps"]
     assert measured(each["operator"] for each in steps) == ["m9", "m1", "m2"]

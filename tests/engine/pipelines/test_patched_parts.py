@@ -1,4 +1,6 @@
-"""A plan in which a step may not be taken any more is patched there: a checked plan, and the same steps elsewhere."""
+"""A plan in which a step may not be taken any more is patched there: a checked plan, and the
+same steps elsewhere.
+"""
 
 from dataclasses import replace
 
@@ -35,7 +37,9 @@ def run(problem: Problem) -> Run:
 def step_to(run: Run, point: str) -> Step:
     """The step that goes before a point."""
     assert isinstance(run.outcome, Found)
-    return next(each for each in run.outcome.plan.steps if str(each.operator).endswith(f"meas({point}))"))
+    return next(
+        each for each in run.outcome.plan.steps if str(each.operator).endswith(f"meas({point}))")
+    )
 
 
 def barred(problem: Problem, step: Step, *regardless: int) -> Problem:
@@ -66,7 +70,9 @@ def test_another_station_serves_where_the_first_one_is_barred(problem: Problem, 
     assert new[-1] == old[-1]
 
 
-def test_a_measurement_that_is_given_up_is_left_out_and_nothing_else(problem: Problem, run: Run) -> None:
+def test_a_measurement_that_is_given_up_is_left_out_and_nothing_else(
+    problem: Problem, run: Run
+) -> None:
     step = step_to(run, "b1")
     asked, given_up = drop_unreachable_goals(barred(problem, step), {"b1": "no way leads there"})
     found = again(asked, run, step)

@@ -1,4 +1,6 @@
-"""Poses of many measurements are found in units by several processes, and are those that one process finds."""
+"""Poses of many measurements are found in units by several processes, and are those that one
+process finds.
+"""
 
 import json
 from pathlib import Path
@@ -36,7 +38,9 @@ def test_units_find_the_poses_that_one_call_finds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: int
 ) -> None:
     monkeypatch.setattr(problem_preparation, "MEASUREMENTS_PER_UNIT", 4)
-    found = problem_preparation.find_poses([job(tmp_path / "units.db")], crew_of(processes), lambda: False)
+    found = problem_preparation.find_poses(
+        [job(tmp_path / "units.db")], crew_of(processes), lambda: False
+    )
     problem = problem_of(TARGET)
     alone = kept_poses(str(tmp_path / "alone.db"), problem, cell_of(TARGET), geometry_backend())
     assert alone.made == len(documents(tmp_path / "alone.db")) == found.total() > 0
@@ -67,11 +71,17 @@ def test_a_preparation_by_processes_keeps_shares_and_finds_what_the_units_found(
 ) -> None:
     monkeypatch.setattr(problem_preparation, "MEASUREMENTS_PER_UNIT", 4)
     paths = [find_target("halves/six")]
-    made = precompute.prepare_problems(paths, str(tmp_path / "cell.db"), SearchLimits(100_000), crew_of(2))
+    made = precompute.prepare_problems(
+        paths, str(tmp_path / "cell.db"), SearchLimits(100_000), crew_of(2)
+    )
     (six,) = made.problems
     assert six.status == "found"
     assert six.poses is not None
-    assert (six.poses.made, six.poses.kept, six.poses.reached) == (len(documents(tmp_path / "cell.db")), 0, 6)
+    assert (six.poses.made, six.poses.kept, six.poses.reached) == (
+        len(documents(tmp_path / "cell.db")),
+        0,
+        6,
+    )
     assert six.sequence is not None
     assert six.sequence.way == "made"
     (again,) = precompute.prepare_problems(

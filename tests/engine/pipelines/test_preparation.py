@@ -21,7 +21,9 @@ class CutOff:
         raise StoppedByCaller
 
 
-def test_what_was_found_before_the_end_of_the_time_is_told_with_what_is_left(tmp_path: Path) -> None:
+def test_what_was_found_before_the_end_of_the_time_is_told_with_what_is_left(
+    tmp_path: Path,
+) -> None:
     paths = [Path(f"domains/bulkhead/problems/{name}.yaml") for name in ("one_point", "both_tools")]
     told = prepare_problems(paths, str(tmp_path / "cell.db"), SearchLimits(100), CutOff()).problems
     assert [(each.problem, each.status) for each in told] == [

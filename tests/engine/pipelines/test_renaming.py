@@ -1,4 +1,6 @@
-"""Objects that are alike come in the order in which the user names them, and nothing else about the plan changes."""
+"""Objects that are alike come in the order in which the user names them, and nothing else about
+the plan changes.
+"""
 
 import dataclasses
 from pathlib import Path
@@ -31,7 +33,9 @@ def heated(made: Plan) -> list[str]:
     return [str(s.operator.arguments[0]) for s in made.steps if s.operator.name == "heat"]
 
 
-@pytest.mark.parametrize("said", [("probe_1", "probe_2"), ("probe_2", "probe_1"), ("probe_4", "probe_1")])
+@pytest.mark.parametrize(
+    "said", [("probe_1", "probe_2"), ("probe_2", "probe_1"), ("probe_4", "probe_1")]
+)
 def test_probes_are_heated_in_the_order_in_which_they_are_said(said: tuple[str, str]) -> None:
     made = found(problem_of("themse", "", HEAT.format(" and ".join(said))))
     assert heated(made) == list(said)
@@ -71,7 +75,9 @@ def test_numbers_that_a_problem_gives_to_an_object_tell_it_from_others() -> None
     pair = dataclasses.replace(problem, chains=(chains[three], chains[one]))
     tried: list[Plan] = []
     made = found(problem)
-    canonical_object_order(PlanGate().semantics(pair), made, lambda other: bool(tried.append(other)))
+    canonical_object_order(
+        PlanGate().semantics(pair), made, lambda other: bool(tried.append(other))
+    )
     assert [fact.arguments[1] for fact in problem.statics if fact.name == "weight"][::2] == [
         Number(12),
         Number(14),
@@ -83,14 +89,18 @@ def test_a_plan_in_another_order_that_the_checker_refuses_is_left() -> None:
     problem = problem_of("themse", "", HEAT.format("probe 2 and probe 1"))
     other = problem_of("themse", "", HEAT.format("probe 1 and probe 2"))
     made, asked = found(problem), list[Plan]()
-    kept = canonical_object_order(PlanGate().semantics(other), made, lambda each: bool(asked.append(each)))
+    kept = canonical_object_order(
+        PlanGate().semantics(other), made, lambda each: bool(asked.append(each))
+    )
     assert kept == made
     assert [heated(each) for each in asked] == [["probe_1", "probe_2"]]
     assert PlanGate().findings(other, asked[0]) == []
 
 
 def test_the_stages_of_a_plan_change_places_with_their_objects(tmp_path: Path) -> None:
-    """Each link for a stage is about the object that its step handles: `validate` looks at the links of a plan that was kept."""
+    """Each link for a stage is about the object that its step handles: `validate` looks at the
+    links of a plan that was kept.
+    """
     file = tmp_path / "plan.json"
     assert CliRunner().invoke(app, ["plan", "centrifuge/four", "-o", str(file)]).exit_code == 0
     checked = CliRunner().invoke(app, ["validate", str(file)])

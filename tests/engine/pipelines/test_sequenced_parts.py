@@ -29,7 +29,13 @@ from cellwright.kb.terms import Term
 def text(count: int, seed: int = 1, more: str = "", kinds: str = "") -> str:
     """A problem of `count` points on the bulkhead, of both kinds unless `kinds` names one."""
     chance = random.Random(seed)
-    lines = ["problem: points", "domain: bulkhead", "objects:", f"  measurement: [m1..{count}]", "statics:"]
+    lines = [
+        "problem: points",
+        "domain: bulkhead",
+        "objects:",
+        f"  measurement: [m1..{count}]",
+        "statics:",
+    ]
     for number in range(1, count + 1):
         x, y = chance.randrange(-450_000, 450_000), chance.randrange(-950_000, 950_000)
         kind = kinds or chance.choice(("thickness", "thickness", "profile"))
@@ -57,7 +63,9 @@ def sequenced(problem: Problem) -> tuple[Found, list[tuple[str, str]]]:
 def measured(outcome: Found) -> list[tuple[str, str]]:
     """The measurements of a plan and their tools, in its order."""
     steps = [step.operator for step in outcome.plan.steps]
-    return [(str(s.arguments[2]), str(s.arguments[0])) for s in steps if s.name.endswith("_measure")]
+    return [
+        (str(s.arguments[2]), str(s.arguments[0])) for s in steps if s.name.endswith("_measure")
+    ]
 
 
 def test_the_plan_measures_in_the_order_of_the_sequence_with_its_tools(tmp_path: Path) -> None:
@@ -68,7 +76,9 @@ def test_the_plan_measures_in_the_order_of_the_sequence_with_its_tools(tmp_path:
 def test_the_arm_travels_from_each_measurement_of_a_tool_to_the_next(tmp_path: Path) -> None:
     outcome, visits = sequenced(inspection(tmp_path, text(20)))
     ways = [
-        tuple(map(str, s.operator.arguments[1:])) for s in outcome.plan.steps if s.operator.name == "move"
+        tuple(map(str, s.operator.arguments[1:]))
+        for s in outcome.plan.steps
+        if s.operator.name == "move"
     ]
     for (one, tool), (other, same) in itertools.pairwise(visits):
         assert ((f"meas({one})", f"meas({other})") in ways) == (tool == same)
@@ -98,9 +108,13 @@ def test_few_parts_are_planned_and_the_others_learned_from_them(tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_as_many_operators_are_grounded_for_one_of_many_points_as_for_one_of_few(tmp_path: Path) -> None:
+def test_as_many_operators_are_grounded_for_one_of_many_points_as_for_one_of_few(
+    tmp_path: Path,
+) -> None:
     sizes = [
-        sequenced(inspection(tmp_path, text(count, kinds="thickness")))[0].statistics.counts["operators"]
+        sequenced(inspection(tmp_path, text(count, kinds="thickness")))[0].statistics.counts[
+            "operators"
+        ]
         for count in (15, 45)
     ]
     assert sizes[0] == sizes[1]
@@ -137,7 +151,9 @@ def test_measurements_that_hold_already_are_not_made_again(tmp_path: Path) -> No
     assert sorted(name for name, _ in measured(outcome)) == ["m1", "m2", "m4", "m5", "m6"]
 
 
-def test_a_measurement_that_nothing_can_make_has_no_plan_and_the_reason_is_told(tmp_path: Path) -> None:
+def test_a_measurement_that_nothing_can_make_has_no_plan_and_the_reason_is_told(
+    tmp_path: Path,
+) -> None:
     written = text(6, kinds="profile").replace("statics:", "statics:\n  - bore(m4, 1000)")
     found = by_sequence(inspection(tmp_path, written))
     assert found is not None
@@ -161,7 +177,9 @@ def test_the_ways_of_the_plan_are_those_of_the_tour(tmp_path: Path, seed: int) -
     for fact in problem.statics:
         if fact.name == "position":
             places[fact.arguments[0]] = tuple(int(str(each)) for each in fact.arguments[1:])
-    moves = [s.operator.arguments[1:] for s in found.outcome.plan.steps if s.operator.name == "move"]
+    moves = [
+        s.operator.arguments[1:] for s in found.outcome.plan.steps if s.operator.name == "move"
+    ]
     ways = [[getattr(end, "arguments", ())[0] for end in move] for move in moves]
     length = sum(
         sum((a - b) ** 2 for a, b in zip(places[one], places[other], strict=True)) ** 0.5
@@ -171,7 +189,9 @@ def test_the_ways_of_the_plan_are_those_of_the_tour(tmp_path: Path, seed: int) -
     assert length == pytest.approx(found.itinerary.tour.cost, abs=len(moves))
 
 
-def test_measurements_that_cannot_be_made_and_that_no_goal_asks_for_are_told(tmp_path: Path) -> None:
+def test_measurements_that_cannot_be_made_and_that_no_goal_asks_for_are_told(
+    tmp_path: Path,
+) -> None:
     written = (
         text(4)
         .replace("[m1..4]", "[m1..6]")
@@ -191,7 +211,9 @@ def test_measurements_that_cannot_be_made_and_that_no_goal_asks_for_are_told(tmp
 
 
 def test_a_sentence_that_orders_measurements_has_them_made_in_this_order() -> None:
-    """A measurement that was made stays made, so nothing but the tour keeps its place in the order."""
+    """A measurement that was made stays made, so nothing but the tour keeps its place in the
+    order.
+    """
     problem = problem_of("bulkhead/twelve_points", command="measure m9, then m1, then m8")
     outcome = plan_for_objective(problem).outcome
     assert isinstance(outcome, Found)
@@ -215,7 +237,9 @@ def stationed(count: int, seed: int) -> str:
     """`text` with points that are measured from three stations."""
     chance = random.Random(seed)
     stations = (chance.choice(("left", "middle", "right")) for _ in range(count))
-    return text(count, seed, "".join(f"  - serves({at}, m{n})\n" for n, at in enumerate(stations, 1)))
+    return text(
+        count, seed, "".join(f"  - serves({at}, m{n})\n" for n, at in enumerate(stations, 1))
+    )
 
 
 @pytest.mark.parametrize(("count", "seed"), [(4, 1), (4, 8), (7, 3)])
@@ -223,7 +247,10 @@ def test_plans_from_several_stations_are_no_worse_than_those_of_the_planner_alon
     tmp_path: Path, count: int, seed: int
 ) -> None:
     problem = inspection(tmp_path, stationed(count, seed))
-    fast, cheap = plan_for_objective(problem), plan_for_objective(problem, objective=PlanningObjective.COST)
+    fast, cheap = (
+        plan_for_objective(problem),
+        plan_for_objective(problem, objective=PlanningObjective.COST),
+    )
     free = plan_for_objective(problem, objective=PlanningObjective.COST, order=SequenceChoice.FREE)
     for own in (fast, cheap):
         assert own.itinerary is not None

@@ -46,7 +46,9 @@ def test_a_closed_flap_is_not_opened_to_be_closed() -> None:
 
 
 def test_what_does_not_hold_when_its_turn_comes_is_done() -> None:
-    assert [s.operator.name for s in said("open the flap, then close the flap").steps] == ["press_switch"] * 2
+    assert [s.operator.name for s in said("open the flap, then close the flap").steps] == [
+        "press_switch"
+    ] * 2
     assert said("heat probe 1 for 15 min and store it again, then close the flap").cost == 10
 
 
@@ -56,19 +58,31 @@ UNDONE_LATER = {
         "heat",
         "close_drawer",
     ),
-    "open the drawer, heat probe 1 for 10 min and close the drawer": ("open_drawer", "heat", "close_drawer"),
+    "open the drawer, heat probe 1 for 10 min and close the drawer": (
+        "open_drawer",
+        "heat",
+        "close_drawer",
+    ),
     "close the drawer once probe 1 is heated for 5 min, but open the drawer first": (
         "open_drawer",
         "heat",
         "close_drawer",
     ),
-    "close the drawer, heat probe 1 for 5 min, then open the drawer": ("close_drawer", "heat", "open_drawer"),
+    "close the drawer, heat probe 1 for 5 min, then open the drawer": (
+        "close_drawer",
+        "heat",
+        "open_drawer",
+    ),
     "take probe 1 out of the drawer, heat probe 2 for 10 min, then put probe 1 back": (
         "pick(probe_1",
         "heat(probe_2",
         "put(probe_1",
     ),
-    "grip probe 1, heat probe 2 for 5 min, store probe 1": ("pick(probe_1", "heat(probe_2", "put(probe_1"),
+    "grip probe 1, heat probe 2 for 5 min, store probe 1": (
+        "pick(probe_1",
+        "heat(probe_2",
+        "put(probe_1",
+    ),
     "open the flap, read the laser, close the flap": ("press", "sense", "press"),
 }
 
@@ -92,7 +106,10 @@ def test_only_the_probes_that_are_elsewhere_are_stored() -> None:
 
 
 def test_goals_mean_the_same() -> None:
-    assert planned(checked_plan.problem_of("themse", "stored(probe_1), position(flap, closed)")).steps == ()
+    assert (
+        planned(checked_plan.problem_of("themse", "stored(probe_1), position(flap, closed)")).steps
+        == ()
+    )
 
 
 @pytest.mark.slow

@@ -1,4 +1,6 @@
-"""Inspections that several arms share: who makes what, who waits for whom, and plans in which all work at once."""
+"""Inspections that several arms share: who makes what, who waits for whom, and plans in which
+all work at once.
+"""
 
 import itertools
 from dataclasses import replace
@@ -40,7 +42,9 @@ def begins(run: Run, problem: Problem) -> dict[str, int]:
     """When each measurement of a plan begins."""
     assert isinstance(run.outcome, Found)
     assert run.starts is not None
-    return {name: run.starts[step] for step, name in measured_steps(problem, run.outcome.plan).items()}
+    return {
+        name: run.starts[step] for step, name in measured_steps(problem, run.outcome.plan).items()
+    }
 
 
 def test_each_arm_begins_on_its_side_and_both_are_done_at_once() -> None:
@@ -84,14 +88,18 @@ def test_arms_keep_the_order_of_measurements_of_both() -> None:
     demands = TourDemands(before=(("m6", "m1"), ("m2", "m5")))
     problem = as_facts(six(), demands)
     found = shares(problem)
-    assert set(found.waits) == {pair for pair in demands.before if found.arms[pair[0]] != found.arms[pair[1]]}
+    assert set(found.waits) == {
+        pair for pair in demands.before if found.arms[pair[0]] != found.arms[pair[1]]
+    }
     run = plan_for_objective(problem)
     at = begins(run, problem)
     assert all(at[first] < at[second] for first, second in demands.before)
 
 
 def test_arms_do_not_wait_for_each_other_in_a_circle() -> None:
-    facts = [within("west", f"m{n}") for n in (1, 2)] + [within("east", f"m{n}") for n in (3, 4, 5, 6)]
+    facts = [within("west", f"m{n}") for n in (1, 2)] + [
+        within("east", f"m{n}") for n in (3, 4, 5, 6)
+    ]
     pairs = (("m2", "m3"), ("m4", "m1"), ("m1", "m2"), ("m3", "m5"))
     problem = as_facts(six(*facts), TourDemands(before=pairs))
     at = begins(plan_for_objective(problem), problem)
@@ -146,7 +154,8 @@ def test_an_import_says_which_arms_can_make_each_point_and_leaves_out_what_none_
     tmp_path: Path,
 ) -> None:
     rows = [
-        f"{name},{x},{y},0,0,0,-1,thickness" for name, x, y in (("a", 0, -900), ("b", 0, 900), ("c", 0, 4000))
+        f"{name},{x},{y},0,0,0,-1,thickness"
+        for name, x, y in (("a", 0, -900), ("b", 0, 900), ("c", 0, 4000))
     ]
     (tmp_path / "points.csv").write_text("\n".join(["name,x,y,z,nx,ny,nz,kind", *rows]) + "\n")
     _, parts, text = import_file(tmp_path / "points.csv", "halves")

@@ -1,4 +1,6 @@
-"""A plan of two hands is never later than one that does with one of them: that one is tried, too."""
+"""A plan of two hands is never later than one that does with one of them: that one is tried,
+too.
+"""
 
 from pathlib import Path
 
@@ -10,7 +12,10 @@ from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.pipelines.planning.checked_plan import plan_and_ground, problem_of
 from cellwright.engine.pipelines.planning.makespan_plans import search_least_makespan
 from cellwright.engine.pipelines.planning.timetable import time_plan
-from cellwright.engine.pipelines.planning.timetable.alternative_means import spare_means, with_one_of_each
+from cellwright.engine.pipelines.planning.timetable.alternative_means import (
+    spare_means,
+    with_one_of_each,
+)
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.model.planning_problem import Problem
@@ -88,4 +93,5 @@ def test_the_answer_is_never_later_than_the_plan_of_one_hand(tmp_path: Path, spo
         alone = time_plan(problem, task, fewer)
         assert isinstance(alone, Timetable)
         assert best.schedule.makespan <= alone.schedule.makespan
-    assert hands(best.plan) == {"left", "right"}  # each carries one part: sooner than one after the other
+    # each carries one part: sooner than one after the other
+    assert hands(best.plan) == {"left", "right"}

@@ -1,4 +1,6 @@
-"""What stays too long in a place is told by all commands that tell times, in the same words, with what to do about it."""
+"""What stays too long in a place is told by all commands that tell times, in the same words,
+with what to do about it.
+"""
 
 import json
 from pathlib import Path
@@ -39,7 +41,10 @@ workflow:
   - for: {T: [one, two]}
     stages: "baked(T, 60), at(T, table)"
 """
-SAID = "Longer than longest_stay allows: one in oven for 60 s, at most 59; two in oven for 60 s, at most 59."
+SAID = (
+    "Longer than longest_stay allows: one in oven for 60 s, at most 59; two in oven for 60 s, "
+    "at most 59."
+)
 ADVICE = "Allow more time there"
 
 
@@ -48,7 +53,9 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("ovens")
     (home / "domain.yaml").write_text(DOMAIN, "utf-8")
     for name, most in (("tight", "59"), ("wide", "60")):
-        (home / f"{name}.yaml").write_text(PROBLEM.replace("PROBLEM", name).replace("MOST", most), "utf-8")
+        (home / f"{name}.yaml").write_text(
+            PROBLEM.replace("PROBLEM", name).replace("MOST", most), "utf-8"
+        )
     return home
 
 
@@ -57,7 +64,9 @@ def said(*arguments: str) -> tuple[int, str]:
     return result.exit_code, result.stdout
 
 
-@pytest.mark.parametrize("verb", [["plan"], ["schedule"], ["plan", "--objective", "cost"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "verb", [["plan"], ["schedule"], ["plan", "--objective", "cost"]], ids=" ".join
+)
 def test_plan_and_schedule_say_the_same_of_stays(cell: Path, verb: list[str]) -> None:
     code, told = said(*verb, str(cell / "tight.yaml"))
     assert code == 0
@@ -71,13 +80,18 @@ def test_plan_and_schedule_say_the_same_of_stays(cell: Path, verb: list[str]) ->
 
 def test_that_no_order_keeps_to_them_is_told_by_both(cell: Path) -> None:
     for verb in ("plan", "schedule"):
-        assert "no order of the steps keeps to all longest stays" in said(verb, str(cell / "tight.yaml"))[1]
+        assert (
+            "no order of the steps keeps to all longest stays"
+            in said(verb, str(cell / "tight.yaml"))[1]
+        )
 
 
 def test_a_plan_in_a_file_is_told_the_same(cell: Path) -> None:
     file = cell / "plan.json"
     assert said("plan", str(cell / "tight.yaml"), "-o", str(file))[0] == 0
-    stays = [{"thing": each, "place": "oven", "lasts": 60, "longest_stay": 59} for each in ("one", "two")]
+    stays = [
+        {"thing": each, "place": "oven", "lasts": 60, "longest_stay": 59} for each in ("one", "two")
+    ]
     assert json.loads(file.read_text())["data"]["overstays"] == stays
     for verb in ("schedule", "validate"):
         code, told = said(verb, str(file))
@@ -87,5 +101,10 @@ def test_a_plan_in_a_file_is_told_the_same(cell: Path) -> None:
 def test_a_run_tells_what_stayed_too_long(cell: Path) -> None:
     code, told = said("run", str(cell / "tight.yaml"), "--store", str(cell / "runs.db"))
     assert code == 0
-    assert "what carry(one, oven, table) takes away stayed too long (longest_stay), by 1 s at least" in told
-    assert "too long" not in said("run", str(cell / "wide.yaml"), "--store", str(cell / "runs.db"))[1]
+    assert (
+        "what carry(one, oven, table) takes away stayed too long (longest_stay), by 1 s at least"
+        in told
+    )
+    assert (
+        "too long" not in said("run", str(cell / "wide.yaml"), "--store", str(cell / "runs.db"))[1]
+    )

@@ -1,4 +1,6 @@
-"""Travel is declared once: planner, sequencer, scheduler and checker read the same time for every way."""
+"""Travel is declared once: planner, sequencer, scheduler and checker read the same time for
+every way.
+"""
 
 import dataclasses
 import math
@@ -68,7 +70,8 @@ def straight(draw: st.DrawFn) -> Problem:
     domain = dataclasses.replace(BULKHEAD, motion=Motion(speed, settling, "bulkhead"))
     points = [[draw(micrometres) for _ in range(3)] for _ in NAMES]
     return inspection(
-        domain, [f"position({n}, {', '.join(map(str, at))})" for n, at in zip(NAMES, points, strict=True)]
+        domain,
+        [f"position({n}, {', '.join(map(str, at))})" for n, at in zip(NAMES, points, strict=True)],
     )
 
 
@@ -76,7 +79,9 @@ def straight(draw: st.DrawFn) -> Problem:
 def tabled(draw: st.DrawFn) -> Problem:
     """A random table of times, with each direction for itself."""
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
-    domain = dataclasses.replace(BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table})
+    domain = dataclasses.replace(
+        BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table}
+    )
     ways = [(a, b) for a in PLACES for b in PLACES if a != b]
     return inspection(domain, [f"travel({a}, {b}, {draw(st.integers(0, 500))})" for a, b in ways])
 
@@ -85,7 +90,9 @@ walks = st.lists(st.sampled_from(PLACES), min_size=1, max_size=8)
 
 
 def walked(problem: Problem, through: list[str]) -> Plan:
-    """Moves through places from the first point to the last, each as long as the ground operator says."""
+    """Moves through places from the first point to the last, each as long as the ground
+    operator says.
+    """
     stops = ["meas(m1)"]
     for place in (*through, "meas(m3)"):
         if place != stops[-1]:
@@ -102,7 +109,9 @@ def walked(problem: Problem, through: list[str]) -> Plan:
 @pytest.mark.slow
 @given(st.one_of(straight(), tabled()), walks)
 @FEW
-def test_planner_scheduler_and_checker_agree_on_every_way(problem: Problem, through: list[str]) -> None:
+def test_planner_scheduler_and_checker_agree_on_every_way(
+    problem: Problem, through: list[str]
+) -> None:
     plan = walked(problem, through)
     assume(plan.steps)
     assert validate_plan(problem, plan) == []
@@ -112,19 +121,25 @@ def test_planner_scheduler_and_checker_agree_on_every_way(problem: Problem, thro
         assert made.schedule.makespan == total
         assert check_schedule(made.shop, made.schedule) == ()
     longer = dataclasses.replace(plan.steps[-1], duration=plan.steps[-1].duration + 1)
-    assert [each.code for each in validate_plan(problem, Plan((*plan.steps[:-1], longer)))] == ["K508"]
+    assert [each.code for each in validate_plan(problem, Plan((*plan.steps[:-1], longer)))] == [
+        "K508"
+    ]
 
 
 @given(st.one_of(straight(), tabled()), st.permutations(range(3)))
 @FEW
-def test_the_sequencer_counts_what_the_steps_of_the_plan_take(problem: Problem, order: list[int]) -> None:
+def test_the_sequencer_counts_what_the_steps_of_the_plan_take(
+    problem: Problem, order: list[int]
+) -> None:
     known = {operator.instance: operator.duration for operator in ground(problem).operators}
     tours = tour_problem(problem, partition_by_tool(problem))
     names = [tours.visits[n].name for n in order]
     steps = [fact(f"move(t3_746, meas({a}), meas({b}))") for a, b in pairwise(names)]
     assert time_between(problem, tours, order) == sum(known[step] for step in steps)
     if problem.domain.motion is None:
-        assert sum(int(tours.travel[a, b]) for a, b in pairwise(order)) == sum(known[s] for s in steps)
+        assert sum(int(tours.travel[a, b]) for a, b in pairwise(order)) == sum(
+            known[s] for s in steps
+        )
         assert tours.unit == problem.domain.time_unit
 
 
@@ -176,7 +191,10 @@ def test_the_cell_gives_the_places_of_the_racks_seen_from_the_part() -> None:
 def test_what_the_sequencer_cannot_tell_is_reported(listed: list[str], tmp_path: Path) -> None:
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
     domain = dataclasses.replace(
-        BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table}, path=str(tmp_path)
+        BULKHEAD,
+        motion=None,
+        predicates={**BULKHEAD.predicates, "travel": table},
+        path=str(tmp_path),
     )
     problem = inspection(domain, listed)
     with pytest.raises(InvalidInput) as caught:
@@ -187,13 +205,17 @@ def test_what_the_sequencer_cannot_tell_is_reported(listed: list[str], tmp_path:
 
 def test_a_measurement_needs_no_position_where_a_table_tells_the_ways() -> None:
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
-    domain = dataclasses.replace(BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table})
+    domain = dataclasses.replace(
+        BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table}
+    )
     problem = inspection(domain, [f"travel({a}, {b}, 3)" for a in PLACES for b in PLACES if a != b])
     assert partition_by_tool(problem).groups == {"us_probe": NAMES}
 
 
 def test_positions_of_the_cell_and_of_facts_are_seen_from_one_frame() -> None:
-    """m1 comes from a fact in the frame of the part, m2 from the cell: their distance is that of the drawing."""
+    """m1 comes from a fact in the frame of the part, m2 from the cell: their distance is that
+    of the drawing.
+    """
     problem = inspection(BULKHEAD, ["position(m1, -300000, -750000, 0)"])
     tours = tour_problem(with_places(problem), partition_by_tool(with_places(problem)))
     assert int(tours.travel[0, 1]) == 300_000
@@ -208,8 +230,12 @@ def test_positions_of_the_cell_and_of_facts_are_seen_from_one_frame() -> None:
         ("1cm/s", "2", Motion(Fraction(10_000), Fraction(2))),
     ],
 )
-def test_speeds_and_times_have_units(speed: str, settling: str, expected: Motion, tmp_path: Path) -> None:
-    said = f"domain: bare\nmotion:\n  speed: {speed}\n" + (f"  settling: {settling}\n" if settling else "")
+def test_speeds_and_times_have_units(
+    speed: str, settling: str, expected: Motion, tmp_path: Path
+) -> None:
+    said = f"domain: bare\nmotion:\n  speed: {speed}\n" + (
+        f"  settling: {settling}\n" if settling else ""
+    )
     (tmp_path / "domain.yaml").write_text(said, "utf-8")
     assert load_domain(str(tmp_path)).motion == expected
 
@@ -233,7 +259,9 @@ def test_speeds_and_times_have_units(speed: str, settling: str, expected: Motion
         ("velocity: 1 m/s", "K005"),
     ],
 )
-def test_what_is_no_speed_or_time_is_reported_at_its_place(section: str, code: str, tmp_path: Path) -> None:
+def test_what_is_no_speed_or_time_is_reported_at_its_place(
+    section: str, code: str, tmp_path: Path
+) -> None:
     (tmp_path / "domain.yaml").write_text(f"domain: bare\nmotion:\n  {section}\n", "utf-8")
     with pytest.raises(InvalidInput) as caught:
         load_domain(str(tmp_path))

@@ -1,4 +1,6 @@
-"""Settings of a workflow are made in their turn where that costs nothing, and where it does, when the plan needs them."""
+"""Settings of a workflow are made in their turn where that costs nothing, and where it does,
+when the plan needs them.
+"""
 
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.planning import checked_plan, plan_objective
@@ -14,11 +16,16 @@ def operators(problem: Problem) -> list[str]:
 
 def test_what_is_named_first_is_done_first() -> None:
     said = "read the wrist force before opening the drawer"
-    assert operators(checked_plan.problem_of("themse", command=said)) == ["sense(wrist_force)", "open_drawer"]
+    assert operators(checked_plan.problem_of("themse", command=said)) == [
+        "sense(wrist_force)",
+        "open_drawer",
+    ]
 
 
 def test_a_plan_searched_the_other_way_round_is_turned() -> None:
-    posed = checked_plan.problem_of("themse", command="read the wrist force before opening the drawer")
+    posed = checked_plan.problem_of(
+        "themse", command="read the wrist force before opening the drawer"
+    )
     outcome, task = checked_plan.plan_and_ground(posed)
     assert isinstance(outcome, Found)
     turned = delay_settings(posed, task, outcome.plan)

@@ -12,7 +12,14 @@ from typing import Any
 import pytest
 
 from cellwright.engine.kernels.cancellation import never
-from cellwright.engine.pipelines.jobs import ResultLedger, WorkCrew, WorkKind, WorkUnit, carried_out, crew_of
+from cellwright.engine.pipelines.jobs import (
+    ResultLedger,
+    WorkCrew,
+    WorkKind,
+    WorkUnit,
+    carried_out,
+    crew_of,
+)
 from cellwright.engine.pipelines.jobs.input_digests import content_digest, require_same
 from cellwright.engine.pipelines.jobs.work_units import carry_out_unit
 from cellwright.kb.cycles import COLLECTION_THRESHOLD, seldom_searched
@@ -53,7 +60,9 @@ def read(content: Mapping[str, Any]) -> str:
 
 
 def kind(store: Path | None = None) -> WorkKind[Job, str]:
-    return WorkKind("test", work, lost, ResultLedger(str(store), finished, written, read) if store else None)
+    return WorkKind(
+        "test", work, lost, ResultLedger(str(store), finished, written, read) if store else None
+    )
 
 
 def units(folder: Path, *names: str, key: str = "k") -> list[WorkUnit[Job]]:
@@ -69,7 +78,9 @@ def marks(folder: Path, name: str) -> int:
     return len(list((folder / "marks").glob(f"{name}-*")))
 
 
-def test_what_the_ledger_holds_is_not_done_again_and_is_forgotten_at_the_end(tmp_path: Path) -> None:
+def test_what_the_ledger_holds_is_not_done_again_and_is_forgotten_at_the_end(
+    tmp_path: Path,
+) -> None:
     store, asked = tmp_path / "s.db", units(tmp_path, "a", "b")
     assert carry_out_unit(kind(store), asked[0], never) == "done a"
     assert carry_out_unit(kind(store), asked[0], never) == "done a"

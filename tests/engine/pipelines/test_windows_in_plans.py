@@ -1,4 +1,6 @@
-"""Plans, schedules and runs wait for the windows of measurements; what cannot be met is told with its reason."""
+"""Plans, schedules and runs wait for the windows of measurements; what cannot be met is told
+with its reason.
+"""
 
 import random
 from collections.abc import Mapping
@@ -39,11 +41,15 @@ Windows = Mapping[str, tuple[int, int]]
 
 
 def facts(windows: Windows) -> str:
-    return "\n".join(f"  - window({name}, {first}, {last})" for name, (first, last) in windows.items())
+    return "\n".join(
+        f"  - window({name}, {first}, {last})" for name, (first, last) in windows.items()
+    )
 
 
 def begins(run: Run) -> dict[str, int]:
-    """When measurements begin in a plan, by its steps: plain reading that shares nothing with the planner's bookkeeping."""
+    """When measurements begin in a plan, by its steps: plain reading that shares nothing with
+    the planner's bookkeeping.
+    """
     assert isinstance(run.outcome, Found)
     assert run.starts is not None
     steps = [step for step in run.outcome.plan.steps if step.operator.name.endswith("_measure")]
@@ -53,7 +59,9 @@ def begins(run: Run) -> dict[str, int]:
 def outside(found: Mapping[str, int], windows: Windows) -> set[str]:
     first = min(found, key=lambda name: found[name])
     begin = found[first] - windows.get(first, (0, 0))[0]
-    return {name for name, (early, late) in windows.items() if not early <= found[name] - begin <= late}
+    return {
+        name for name, (early, late) in windows.items() if not early <= found[name] - begin <= late
+    }
 
 
 def said(problem: Problem, run: Run) -> str:
@@ -82,7 +90,10 @@ def test_windows_that_some_plan_meets_are_met(tmp_path: Path, seed: int) -> None
     found = begins(plan_for_objective(asked))
     begin = min(found.values())
     windows = {
-        name: (max(0, found[name] - begin - chance.randrange(10)), found[name] - begin + chance.randrange(10))
+        name: (
+            max(0, found[name] - begin - chance.randrange(10)),
+            found[name] - begin + chance.randrange(10),
+        )
         for name in chance.sample(names, 4)
     }
     problem = inspection(tmp_path, text(7, seed, more=facts(windows)))
@@ -119,7 +130,9 @@ def test_a_run_begins_no_measurement_before_its_window(tmp_path: Path) -> None:
     inspection(tmp_path, text(4, more=facts(windows)))
     ending, records, _ = executed(str(tmp_path / "points.yaml"))
     sent = {
-        str(each.content["action"]): each.at_ms // 1000 for each in records if each.kind is RecordKind.COMMAND
+        str(each.content["action"]): each.at_ms // 1000
+        for each in records
+        if each.kind is RecordKind.COMMAND
     }
     found = {a.split(", ")[-1].rstrip(")"): at for a, at in sent.items() if "_measure(" in a}
     assert ending.outcome == "reached"
@@ -184,7 +197,9 @@ def test_two_visits_that_clash_are_in_no_tour(seed: int) -> None:
     """Against all orders of few visits."""
     chance = random.Random(seed)
     n = chance.randrange(2, 6)
-    ways = np.array([[0 if a == b else chance.randrange(1, 9) for b in range(n)] for a in range(n)], np.int64)
+    ways = np.array(
+        [[0 if a == b else chance.randrange(1, 9) for b in range(n)] for a in range(n)], np.int64
+    )
     starts = [chance.randrange(12) for _ in range(n)]
     visits = tuple(
         Visit(f"v{k}", duration=chance.randrange(4), window=(first, first + chance.randrange(4)))
@@ -227,6 +242,8 @@ def test_a_recovery_tells_the_windows_that_it_cannot_keep(tmp_path: Path) -> Non
     found = begins(plan_for_objective(inspection(tmp_path, text(5, kinds="thickness"))))
     begin, last = min(found.values()), max(found, key=lambda name: found[name])
     inspection(tmp_path, text(5, more=facts({last: (0, found[last] - begin)}), kinds="thickness"))
-    _, records, _ = executed(str(tmp_path / "points.yaml"), [Injection("us_measure", "missing_couplant", 2)])
+    _, records, _ = executed(
+        str(tmp_path / "points.yaml"), [Injection("us_measure", "missing_couplant", 2)]
+    )
     told = [each.content["why"] for each in records if each.kind is RecordKind.DECISION]
     assert any("Outside their windows" in each and last in each for each in told), told

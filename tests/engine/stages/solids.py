@@ -17,12 +17,17 @@ def prism(name: str, polygon: Polygon, height: float) -> Solid:
     low = np.column_stack([flat, np.full(len(flat), -height / 2)])
     high = low + np.array([0.0, 0.0, height])
     up = np.array([0.0, 0.0, 1.0])
-    surfaces = [("top", triangulate_polygon(high, up)), ("bottom", triangulate_polygon(low[::-1], -up))]
+    surfaces = [
+        ("top", triangulate_polygon(high, up)),
+        ("bottom", triangulate_polygon(low[::-1], -up)),
+    ]
     for n in range(len(flat)):
         m = (n + 1) % len(flat)
         side: Floats = np.array([low[n], low[m], high[m], high[n]])
         normal = np.cross(side[1] - side[0], side[2] - side[1])
-        surfaces.append((f"side_{n + 1}", triangulate_polygon(side, normal / np.linalg.norm(normal))))
+        surfaces.append(
+            (f"side_{n + 1}", triangulate_polygon(side, normal / np.linalg.norm(normal)))
+        )
     return make_solid(name, surfaces)
 
 

@@ -1,4 +1,6 @@
-"""The THEMSE cell: its sentence, its problems, and that every door, lid and drawer step of its plans is needed."""
+"""The THEMSE cell: its sentence, its problems, and that every door, lid and drawer step of its
+plans is needed.
+"""
 
 import dataclasses
 import random
@@ -63,7 +65,9 @@ def test_the_plain_cell_executes_the_plans(name: str) -> None:
     assert set(map(tuple, Cell().execute(plan).history.values())) == {tuple(PROCESSED)}
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in range(1, 5))])
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in range(1, 5))]
+)
 def test_the_plain_cell_executes_a_plan_in_any_order_that_it_allows(seed: int) -> None:
     plan = planned(load_problem("themse/two"))
     shuffled = linearised(plan, random.Random(seed))
@@ -98,7 +102,9 @@ def bridged(after: tuple[StepId, ...], removed: Step) -> tuple[StepId, ...]:
 
 
 def works_a_door(step: Step) -> bool:
-    moves_the_lid = step.operator.name in ("pick", "put") and Function("lid") in step.operator.arguments
+    moves_the_lid = (
+        step.operator.name in ("pick", "put") and Function("lid") in step.operator.arguments
+    )
     return step.operator.name in DOORS or moves_the_lid
 
 
@@ -117,10 +123,14 @@ def test_no_door_lid_or_drawer_step_can_be_left_out(name: str) -> None:
 def test_the_robot_is_free_while_a_probe_is_heated_or_cooled() -> None:
     plan = planned(commanded("heat probe 1 for 15 min and check the slippage"))
     before = plan.predecessors()
-    heat, sense = (next(s for s in plan.steps if s.operator.name == name) for name in ("heat", "sense"))
+    heat, sense = (
+        next(s for s in plan.steps if s.operator.name == name) for name in ("heat", "sense")
+    )
     assert heat.id not in before[sense.id]
     assert sense.id not in before[heat.id]
-    processes = [s for s in planned(load_problem("themse/one")).steps if s.operator.name in ("heat", "cool")]
+    processes = [
+        s for s in planned(load_problem("themse/one")).steps if s.operator.name in ("heat", "cool")
+    ]
     assert len(processes) == 2
     assert not any(Function("mars_gripper") in step.resources for step in processes)
 
@@ -149,8 +159,12 @@ def test_a_smaller_drawer_has_fewer_slots() -> None:
 
 
 def test_again_means_the_own_depot() -> None:
-    swapped = with_statics("own_depot(probe_1, slot(drawer, 2))", "own_depot(probe_2, slot(drawer, 1))")
-    plan = planned(understand_command(swapped, "heat probe 1 for 5 min and store it in the drawer again"))
+    swapped = with_statics(
+        "own_depot(probe_1, slot(drawer, 2))", "own_depot(probe_2, slot(drawer, 1))"
+    )
+    plan = planned(
+        understand_command(swapped, "heat probe 1 for 5 min and store it in the drawer again")
+    )
     assert str(plan.steps[-1].operator) == "put(probe_1, slot(drawer, 2))"
 
 
@@ -163,7 +177,10 @@ def test_two_probes_with_one_own_depot_violate_a_constraint() -> None:
 
 def test_a_probe_told_otherwise_goes_where_it_is_told() -> None:
     plan = planned(
-        commanded("heat probe 1 for 5 min, then put probe 2 into the freezer, then put probe 1 into depot 2")
+        commanded(
+            "heat probe 1 for 5 min, then put probe 2 into the freezer, then put probe 1 into "
+            "depot 2"
+        )
     )
     cell = Cell().execute(plan)
     assert cell.where["probe_1"] == "slot(drawer, 2)"
@@ -197,7 +214,9 @@ def test_single_acts(sentence: str, steps: list[str]) -> None:
 
 
 def test_what_was_opened_is_closed_at_the_end_and_opened_only_once() -> None:
-    """The drawer is closed as soon as nothing more is needed of it: that it is closed costs nothing later."""
+    """The drawer is closed as soon as nothing more is needed of it: that it is closed costs
+    nothing later.
+    """
     plan = planned(commanded("open the drawer, then heat probe 1 for 5 min, then close the drawer"))
     names = [step.operator.name for step in plan.steps]
     assert names.index("open_drawer") < names.index("pick") < names.index("close_drawer")

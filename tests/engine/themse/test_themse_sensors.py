@@ -1,4 +1,6 @@
-"""The gripper's sensors are part of the model: every state of a plan says what each of them shows."""
+"""The gripper's sensors are part of the model: every state of a plan says what each of them
+shows.
+"""
 
 import dataclasses
 
@@ -39,7 +41,11 @@ def states(problem: Problem) -> list[tuple[Semantics, State]]:
 def test_every_sensor_shows_what_is_in_the_hand() -> None:
     for semantics, state in states(load_problem("themse/one")):
         held = next(
-            (str(a.arguments[0]) for a in state if a.name == "at" and str(a.arguments[1]) == "mars_gripper"),
+            (
+                str(a.arguments[0])
+                for a in state
+                if a.name == "at" and str(a.arguments[1]) == "mars_gripper"
+            ),
             "",
         )
         expected = dict(READINGS[held.partition("_")[0]])
@@ -53,11 +59,15 @@ def test_every_sensor_shows_what_is_in_the_hand() -> None:
 def test_a_sensor_shows_only_what_it_can_tell_apart() -> None:
     semantics, _ = states(load_problem("themse/one"))[0]
     gives = {atom.arguments for atom in semantics.statics.named("gives")}
-    assert {(Function(s), Function(r)) for shown in READINGS.values() for s, r in shown.items()} <= gives
+    assert {
+        (Function(s), Function(r)) for shown in READINGS.values() for s, r in shown.items()
+    } <= gives
     assert (Function("slippage"), Function("slipping")) in gives
 
 
-@pytest.mark.parametrize("reading", ["grip_width, on_probe", "grip_width, on_lid", "slippage, still"])
+@pytest.mark.parametrize(
+    "reading", ["grip_width, on_probe", "grip_width, on_lid", "slippage, still"]
+)
 def test_a_goal_may_ask_for_a_reading(reading: str) -> None:
     assert isinstance(
         checked_plan.plan_problem(with_goals(load_domain("themse"), f"shows({reading})")), Found

@@ -1,4 +1,6 @@
-"""The cell once more, as plain Python: what its devices allow, written from the paper and not from the domain files."""
+"""The cell once more, as plain Python: what its devices allow, written from the paper and not
+from the domain files.
+"""
 
 import re
 from dataclasses import dataclass, field
@@ -15,7 +17,9 @@ class Cell:
     """The state of one THEMSE: where everything is, and what was done to each probe."""
 
     where: dict[str, str] = field(
-        default_factory=lambda: {f"probe_{n}": f"slot(drawer, {n})" for n in range(1, 5)} | {"lid": "rim"}
+        default_factory=lambda: (
+            {f"probe_{n}": f"slot(drawer, {n})" for n in range(1, 5)} | {"lid": "rim"}
+        )
     )
     drawer: str = "closed"
     flap: str = "closed"
@@ -81,13 +85,19 @@ class Cell:
         self.where[item] = place
 
     def heat(self, probe: str, place: str, seconds: str) -> None:
-        self._need(self.where[probe] == place and place.startswith("slot(furnace"), "not in the furnace")
+        self._need(
+            self.where[probe] == place and place.startswith("slot(furnace"), "not in the furnace"
+        )
         self._need(self.flap == "closed", "heating with the flap open")
         self.history.setdefault(probe, []).append(("heated", int(seconds)))
 
     def cool(self, probe: str, place: str, seconds: str) -> None:
-        self._need(self.where[probe] == place and place.startswith("slot(freezer"), "not in the freezer")
-        self._need(self.where["lid"] == "rim" and self.bayonet == "locked", "cooling with the lid loose")
+        self._need(
+            self.where[probe] == place and place.startswith("slot(freezer"), "not in the freezer"
+        )
+        self._need(
+            self.where["lid"] == "rim" and self.bayonet == "locked", "cooling with the lid loose"
+        )
         self.history.setdefault(probe, []).append(("cooled", int(seconds)))
 
     def sense(self, sensor: str) -> None:

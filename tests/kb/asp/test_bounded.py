@@ -74,7 +74,10 @@ operators:
     [
         ("#const k=1000000000.\nn(1..k).\npair(X,Y) :- item(X), item(Y).", "n((1..k))."),
         ("pair(X,Y) :- item(X), item(Y).\nn(1..30000*30000).", "n((1..(30000*30000)))."),
-        ("n(1..1000).\np(X,Y,Z) :- n(X), n(Y), n(Z).\nr(X) :- n(X).", "p(X,Y,Z) :- n(X); n(Y); n(Z)."),
+        (
+            "n(1..1000).\np(X,Y,Z) :- n(X), n(Y), n(Z).\nr(X) :- n(X).",
+            "p(X,Y,Z) :- n(X); n(Y); n(Z).",
+        ),
         ("n(1..1000).\nq(f(bolt)).\nq(f(X)) :- q(X).", "q(f(X)) :- q(X)."),
     ],
 )

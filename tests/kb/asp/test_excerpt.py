@@ -1,4 +1,6 @@
-"""Excerpts of large problems: clingo says of the objects that stay what it says of them in the whole problem."""
+"""Excerpts of large problems: clingo says of the objects that stay what it says of them in the
+whole problem.
+"""
 
 from dataclasses import replace
 
@@ -11,7 +13,15 @@ from cellwright.kb.asp.statements import ParsedStatement, read_statements
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.diagnostics import Source
 from cellwright.kb.model.conditions import Comparison, Literal, Parameter
-from cellwright.kb.model.domain_model import Default, Domain, Effect, Kind, Operator, Predicate, Type
+from cellwright.kb.model.domain_model import (
+    Default,
+    Domain,
+    Effect,
+    Kind,
+    Operator,
+    Predicate,
+    Type,
+)
 from cellwright.kb.model.object_likeness import constant_names
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number, Variable
@@ -33,7 +43,8 @@ RULES = (
     "lonely(X) :- point(X), not near(X,_), not near(_,X).",
     "pair(X,Y) :- wide(X), wide(Y), X != Y.",
     "pair(X,Y) :- near(X,Z), near(Z,Y).",
-    "many :- point(X), point(Y), point(Z), X != Y, Y != Z, X != Z, not wide(X), not wide(Y), not wide(Z).",
+    "many :- point(X), point(Y), point(Z), X != Y, Y != Z, X != Z, not wide(X), not wide(Y), "
+    "not wide(Z).",
     "many :- pair(X,Y), deep(X,V), deep(Y,W), V < W.",
     "apart(X,Y) :- point(X), point(Y), not pair(X,Y), not pair(Y,X).",
     "apart(X,Y) :- apart(X,Z), apart(Z,Y), good(Y).",
@@ -63,7 +74,9 @@ def domain(rules: list[str], body: tuple[Literal | Comparison, ...]) -> Domain:
 
 
 def atom(name: str, *arguments: str | int) -> Atom:
-    return Function(name, tuple(Number(a) if isinstance(a, int) else Function(a) for a in arguments))
+    return Function(
+        name, tuple(Number(a) if isinstance(a, int) else Function(a) for a in arguments)
+    )
 
 
 @st.composite
@@ -73,7 +86,9 @@ def problems(draw: st.DrawFn) -> Problem:
     heads = {rule.split("(")[0].split(" ")[0] for rule in rules}
     read = tuple(Literal(Function(each, (X,))) for each in ("good", "lonely") if each in heads)
     both = tuple(
-        Literal(Function(each, (X, Y)), draw(st.booleans())) for each in ("pair", "apart") if each in heads
+        Literal(Function(each, (X, Y)), draw(st.booleans()))
+        for each in ("pair", "apart")
+        if each in heads
     )
     points = [f"p{number}" for number in range(1, 21)]
     facts = [atom("wide", each) for each in points if draw(st.integers(0, 3)) == 0]
@@ -97,7 +112,10 @@ def problems(draw: st.DrawFn) -> Problem:
 def about(problem: Problem, kept: set[str]) -> set[str]:
     """What is true of some objects, as clingo says, as far as operators ask for it."""
     asked = {
-        part.atom.name for each in problem.domain.operators for part in each.body if isinstance(part, Literal)
+        part.atom.name
+        for each in problem.domain.operators
+        for part in each.body
+        if isinstance(part, Literal)
     }
     found = (each for each in evaluate_statics(problem).everything() if each.name in asked)
     return {str(each) for each in found if kept.issuperset(constant_names(each))}
@@ -124,7 +142,10 @@ def test_of_many_alike_few_stay_and_those_that_are_named() -> None:
     few = excerpt_problem(problem, {"p100"})
     assert {"p7", "p100", "p200"} <= set(few.objects)
     assert len(few.objects) < 20
-    assert len(excerpt_problem(replace(problem, objects={**problem.objects, "q": "point"})).objects) < 20
+    assert (
+        len(excerpt_problem(replace(problem, objects={**problem.objects, "q": "point"})).objects)
+        < 20
+    )
 
 
 COUNTING = "many :- 7 <= #count { X : wide(X) }."
@@ -136,7 +157,12 @@ def test_a_problem_whose_rules_can_tell_objects_apart_stays_whole(rule: str) -> 
     points = [f"p{number}" for number in range(1, 301)]
     facts = tuple(atom("wide", each) for each in points)
     problem = Problem(
-        "many", domain([rule], ()), dict.fromkeys(points, "point"), facts, (), Literal(atom("done", "p2"))
+        "many",
+        domain([rule], ()),
+        dict.fromkeys(points, "point"),
+        facts,
+        (),
+        Literal(atom("done", "p2")),
     )
     assert excerpt_problem(problem) is problem
 
@@ -158,7 +184,9 @@ def test_objects_over_which_defaults_range_stay() -> None:
     points = [f"p{number}" for number in range(1, 301)]
     given = domain([], ())
     default = Default(Function("done", (X,)), (Parameter(X, "point"),))
-    problem = Problem("many", given, dict.fromkeys(points, "point"), (), (), Literal(atom("done", "p2")))
+    problem = Problem(
+        "many", given, dict.fromkeys(points, "point"), (), (), Literal(atom("done", "p2"))
+    )
     assert excerpt_problem(problem) is not problem
     assert (
         excerpt_problem(replace(problem, domain=replace(given, defaults=(default,)))).objects

@@ -17,7 +17,9 @@ NAMES = "abcde"
     st.lists(st.sets(st.sampled_from(NAMES), min_size=1), min_size=1, max_size=4),
     st.lists(st.integers(1, 9), min_size=5, max_size=5),
 )
-def test_hitting_sets_come_out_as_brute_force_has_them(sets: list[set[str]], costs: list[int]) -> None:
+def test_hitting_sets_come_out_as_brute_force_has_them(
+    sets: list[set[str]], costs: list[int]
+) -> None:
     price = dict(zip(NAMES, costs, strict=True))
     text = "{ in(X) : item(X) }. #minimize { C, X : in(X), cost(X, C) }."
     text += "".join(f"item({name}). cost({name}, {price[name]})." for name in NAMES)
@@ -31,7 +33,9 @@ def test_hitting_sets_come_out_as_brute_force_has_them(sets: list[set[str]], cos
     ]
     minimal = {each for each in hitting if not any(other < each for other in hitting)}
     assert {chosen for _, chosen in found} == minimal
-    assert [cost for cost, _ in found] == sorted(sum(price[name] for name in each) for each in minimal)
+    assert [cost for cost, _ in found] == sorted(
+        sum(price[name] for name in each) for each in minimal
+    )
 
 
 def test_no_more_come_than_were_asked_for() -> None:

@@ -19,11 +19,19 @@ from cellwright.kb.asp.statements import (
 )
 from cellwright.kb.diagnostics import NOWHERE
 from cellwright.kb.files import File
-from cellwright.kb.model.statement import Constant, PredicateUse, Sign, Statement, derivation_statement
+from cellwright.kb.model.statement import (
+    Constant,
+    PredicateUse,
+    Sign,
+    Statement,
+    derivation_statement,
+)
 from cellwright.kb.syntax import parse_expression
 from cellwright.kb.terms import Function, Variable
 
-laws = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+laws = settings(
+    max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
 
 
 def read(text: str) -> list[Statement]:
@@ -127,7 +135,11 @@ def test_a_derivation_is_what_its_text_reads_as() -> None:
         Function("either", value), [Function("left", value), Function("right", value)]
     )
     (found,) = read(made.text)
-    assert all(getattr(made, name) == getattr(found, name) for name in Statement.__slots__ if name != "where")
+    assert all(
+        getattr(made, name) == getattr(found, name)
+        for name in Statement.__slots__
+        if name != "where"
+    )
 
 
 names = st.sampled_from(["p", "q", "ide", "beside"])
@@ -215,16 +227,24 @@ def test_the_short_way_reads_a_fact_as_its_tree_does(text: str) -> None:
     short, long = plain_fact(str(node), NOWHERE), read_rule(node, NOWHERE, RuleReading())
     assert short is not None
     assert isinstance(long, ParsedStatement)
-    assert all(getattr(short, name) == getattr(long.statement, name) for name in Statement.__slots__)
+    assert all(
+        getattr(short, name) == getattr(long.statement, name) for name in Statement.__slots__
+    )
 
 
-plain_term = st.one_of(variable, constant, variable.map("f({})".format), variable.map("({}+1)".format))
-plain_part = st.one_of(atom, atom.map("not {}".format), st.builds("{} != {}".format, plain_term, plain_term))
+plain_term = st.one_of(
+    variable, constant, variable.map("f({})".format), variable.map("({}+1)".format)
+)
+plain_part = st.one_of(
+    atom, atom.map("not {}".format), st.builds("{} != {}".format, plain_term, plain_term)
+)
 
 
 @laws
 @given(atom, st.lists(plain_part, min_size=1, max_size=3))
-def test_a_rule_is_compiled_to_what_the_grammar_of_expressions_reads(head: str, parts: list[str]) -> None:
+def test_a_rule_is_compiled_to_what_the_grammar_of_expressions_reads(
+    head: str, parts: list[str]
+) -> None:
     (node,) = nodes(f"{head} :- {'; '.join(parts)}.")
     assert compile_rule(node) == (
         parse_expression("atom", head).value,
@@ -234,7 +254,10 @@ def test_a_rule_is_compiled_to_what_the_grammar_of_expressions_reads(head: str, 
 
 @pytest.mark.parametrize(
     "part",
-    ["#sum+ { X : q(X) } > 1", "{ q(X) } > 1", "#count { X : q(X) }", "q(1..2)", "q(|X|)", "not X = 1", "1 < X < 3", "q(X) : r(X)", "#true", "not not q",
+    ["#sum+ { X : q(X) } > "
+    "1", "{ q(X) } > "
+    "1", "#count { X : q(X) "
+    "}", "q(1..2)", "q(|X|)", "not X = 1", "1 < X < 3", "q(X) : r(X)", "#true", "not not q",
      "q((X, 1))", "q(X**2)", "q(#sup)"],
 )  # fmt: skip
 def test_a_rule_that_the_model_cannot_hold_is_not_compiled(part: str) -> None:

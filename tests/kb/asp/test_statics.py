@@ -1,4 +1,6 @@
-"""Static facts: those that are only given are read past clingo, and a program about some predicates says the same of them."""
+"""Static facts: those that are only given are read past clingo, and a program about some
+predicates says the same of them.
+"""
 
 from pathlib import Path
 
@@ -8,7 +10,12 @@ from hypothesis import strategies as st
 
 from cellwright.kb.asp import Grounder
 from cellwright.kb.asp.statements import ParsedStatement, read_statements
-from cellwright.kb.asp.static_facts import evaluate_statics, ground_statics, only_given, static_suspects
+from cellwright.kb.asp.static_facts import (
+    evaluate_statics,
+    ground_statics,
+    only_given,
+    static_suspects,
+)
 from cellwright.kb.asp.static_program import VIOLATED, static_program
 from cellwright.kb.diagnostics import Source
 from cellwright.kb.loader import find_target, load
@@ -71,7 +78,9 @@ def test_what_is_read_past_clingo_is_what_clingo_says(target: str) -> None:
     assert all(quick.holds(each) for each in facts(plain))
 
 
-def test_predicates_of_which_a_rule_a_type_or_a_constant_speaks_are_left_to_clingo(tmp_path: Path) -> None:
+def test_predicates_of_which_a_rule_a_type_or_a_constant_speaks_are_left_to_clingo(
+    tmp_path: Path,
+) -> None:
     problem = shelf(tmp_path, '"weight(bolt, 5)", "near(table, bin)"')
     assert set(only_given(problem)) == {("item", 1), ("place", 1), ("weight", 2)}
     assert ("weight", 2) not in only_given(problem, ["weight(nut, 1)."])
@@ -83,7 +92,9 @@ def test_predicates_of_which_a_rule_a_type_or_a_constant_speaks_are_left_to_clin
 
 @settings(max_examples=30, deadline=None)
 @given(st.data())
-def test_a_program_about_some_predicates_says_of_them_what_the_whole_one_says(data: st.DataObject) -> None:
+def test_a_program_about_some_predicates_says_of_them_what_the_whole_one_says(
+    data: st.DataObject,
+) -> None:
     problem = problem_of(data.draw(st.sampled_from(TARGETS)))
     whole = facts(plainly(problem))
     names = sorted({each.name for each in whole} | {VIOLATED, "unheard_of"})
@@ -122,8 +133,15 @@ crossed(M, N) :- point(M), point(N).
 
 
 def test_the_bound_on_a_rule_counts_what_its_variables_can_be() -> None:
-    """Two tools and a thousand points: only a rule over pairs of points may have a million instances."""
-    types = {"tool": ("tool",), "point": ("point",), "fits": ("tool", "point"), "rank": ("tool", "int")}
+    """Two tools and a thousand points: only a rule over pairs of points may have a million
+    instances.
+    """
+    types = {
+        "tool": ("tool",),
+        "point": ("point",),
+        "fits": ("tool", "point"),
+        "rank": ("tool", "int"),
+    }
     types |= {"place": ("point", "int", "int"), "at": ("point", "int"), "better": ("tool", "point")}
     parsed = read_statements(CHAINED, lambda line, _column: Source("rules.lp", line))
     domain = Domain(
@@ -133,7 +151,9 @@ def test_the_bound_on_a_rule_counts_what_its_variables_can_be() -> None:
         asp=tuple(each.statement for each in parsed if isinstance(each, ParsedStatement)),
     )
     points = [f"m{number}" for number in range(1000)]
-    facts = [Function("place", (Function(each), Number(n), Number(n))) for n, each in enumerate(points)]
+    facts = [
+        Function("place", (Function(each), Number(n), Number(n))) for n, each in enumerate(points)
+    ]
     facts += [Function("rank", (Function(each), Number(n))) for n, each in enumerate(("t", "u"))]
     problem = Problem(
         "many", domain, {"t": "tool", "u": "tool", **dict.fromkeys(points, "point")}, tuple(facts)

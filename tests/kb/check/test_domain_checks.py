@@ -1,4 +1,6 @@
-"""Each check of whole domains: what counts as use, as making true, as holding; and what does not."""
+"""Each check of whole domains: what counts as use, as making true, as holding; and what does
+not.
+"""
 
 from pathlib import Path
 
@@ -52,7 +54,9 @@ class Cell:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def read(self, domain: str, rules: str = RULES, problem: str = PROBLEM) -> tuple[Domain, Problem]:
+    def read(
+        self, domain: str, rules: str = RULES, problem: str = PROBLEM
+    ) -> tuple[Domain, Problem]:
         for name, text in (("domain.yaml", domain), ("rules.lp", rules), ("problem.yaml", problem)):
             (self.folder / name).write_text(text)
         found = load(self.folder / "problem.yaml").problem
@@ -82,7 +86,10 @@ MORE = "deductive_operators: []\n"
     [
         (TURN, '  turn(I): {preconditions: "not on(I)", adds: "on(I), spare(I)"}\n'),
         (TURN, '  turn(I): {preconditions: "not on(I)", adds: on(I), deletes: spare(I)}\n'),
-        (TURN, '  turn(I): {preconditions: "not on(I)", effects: [{when: on(I), adds: spare(I)}]}\n'),
+        (
+            TURN,
+            '  turn(I): {preconditions: "not on(I)", effects: [{when: on(I), adds: spare(I)}]}\n',
+        ),
         (MORE, "deductive_operators: [{when: on(I), implies: spare(I)}]\n"),
         (MORE, "deductive_operators: [{when: on(I), denies: spare(I)}]\n"),
         (MORE, "deductive_operators: [{when: not spare(I), implies: on(I)}]\n"),
@@ -99,10 +106,15 @@ def test_a_fluent_that_something_changes_is_used(cell: Cell, was: str, becomes: 
     [
         (TURN, '  turn(I): {preconditions: "not on(I), spare(I)", adds: on(I)}\n'),
         (TURN, '  turn(I): {preconditions: "not on(I), not spare(I)", adds: on(I)}\n'),
-        (TURN, '  turn(I): {preconditions: "not on(I)", effects: [{when: spare(I), adds: on(I)}]}\n'),
+        (
+            TURN,
+            '  turn(I): {preconditions: "not on(I)", effects: [{when: spare(I), adds: on(I)}]}\n',
+        ),
     ],
 )
-def test_a_fluent_that_is_read_and_never_made_true_is_pointed_at(cell: Cell, was: str, becomes: str) -> None:
+def test_a_fluent_that_is_read_and_never_made_true_is_pointed_at(
+    cell: Cell, was: str, becomes: str
+) -> None:
     assert was in FLUENT
     assert cell.said(FLUENT.replace(was, becomes)) == [NEVER]
 
@@ -117,7 +129,11 @@ def test_a_fluent_that_a_rule_reads_is_read(cell: Cell) -> None:
         (MORE, "deductive_operators: [{when: on(I), implies: spare(I)}]\n", True),
         (MORE, "deductive_operators: [{when: on(I), denies: spare(I)}]\n", False),
         (MORE, "deductive_operators: [{when: not spare(I), implies: on(I)}]\n", False),
-        ("  keep(I): {where: kept(I), adds: on(I)}", "  keep(I): {where: kept(I), adds: spare(I)}", True),
+        (
+            "  keep(I): {where: kept(I), adds: on(I)}",
+            "  keep(I): {where: kept(I), adds: spare(I)}",
+            True,
+        ),
         (
             "  keep(I): {where: kept(I), adds: on(I)}",
             "  keep(I): {where: kept(I), adds: on(I), deletes: spare(I)}",
@@ -172,12 +188,18 @@ def test_a_derived_predicate_is_used_by_its_rule(cell: Cell) -> None:
 # What is reached, what is held.
 
 
-def test_an_operator_that_nothing_reaches_is_pointed_at_unless_it_waits_for_a_stage(cell: Cell) -> None:
+def test_an_operator_that_nothing_reaches_is_pointed_at_unless_it_waits_for_a_stage(
+    cell: Cell,
+) -> None:
     domain, _ = cell.read(FLUENT)
     assert unreachable_operators(domain, ["turn", "note", "keep"]) == []
     assert unreachable_operators(domain, ["turn", "keep"]) == []  # `note` tells of an event
     (found,) = unreachable_operators(domain, ["keep"])
-    assert (found.code, found.message, found.warning) == ("K304", "no problem can ever apply turn(I)", True)
+    assert (found.code, found.message, found.warning) == (
+        "K304",
+        "no problem can ever apply turn(I)",
+        True,
+    )
     assert found.hint
     assert found.where == domain.operators[0].where
 
@@ -196,7 +218,9 @@ LOOSE = "three reads free(saw) but does not hold saw; all others that read it do
 
 def held(text: str, folder: Path) -> list[Diagnostic]:
     (folder / "domain.yaml").write_text(text)
-    return [each for each in check_domain(load(folder / "domain.yaml").domain) if each.code == "K305"]
+    return [
+        each for each in check_domain(load(folder / "domain.yaml").domain) if each.code == "K305"
+    ]
 
 
 def test_an_operator_that_alone_does_not_hold_what_it_reads_is_pointed_at(tmp_path: Path) -> None:
@@ -214,24 +238,32 @@ def test_an_operator_that_alone_does_not_hold_what_it_reads_is_pointed_at(tmp_pa
             '"free(saw), ready", adds: done(saw), resources: saw',
             '"free(saw), ready", adds: done(saw)',
         ),  # two do not
-        ("  one: {preconditions: free(saw), ", "  one: {preconditions: ready, "),  # two readers are no habit
+        # two readers are no habit
+        ("  one: {preconditions: free(saw), ", "  one: {preconditions: ready, "),
         (
             "  three: {preconditions: free(saw)",
             "  three: {preconditions: not free(saw)",
         ),  # it reads an absence
     ],
 )
-def test_where_there_is_no_habit_of_holding_nothing_is_said(tmp_path: Path, was: str, becomes: str) -> None:
+def test_where_there_is_no_habit_of_holding_nothing_is_said(
+    tmp_path: Path, was: str, becomes: str
+) -> None:
     assert was in HELD
     assert held(HELD.replace(was, becomes), tmp_path) == []
 
 
 def test_atoms_with_variables_name_no_resource(tmp_path: Path) -> None:
     text = (
-        HELD.replace("  one:", "  one(T):").replace("  two:", "  two(T):").replace("  three:", "  three(T):")
+        HELD.replace("  one:", "  one(T):")
+        .replace("  two:", "  two(T):")
+        .replace("  three:", "  three(T):")
     )
     assert (
-        held(text.replace("free(saw)", "free(T)").replace("resources: saw", "resources: T"), tmp_path) == []
+        held(
+            text.replace("free(saw)", "free(T)").replace("resources: saw", "resources: T"), tmp_path
+        )
+        == []
     )
 
 

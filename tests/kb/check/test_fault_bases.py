@@ -1,4 +1,6 @@
-"""Each check of fault bases: a small base that breaks this rule alone, and the same base that keeps it."""
+"""Each check of fault bases: a small base that breaks this rule alone, and the same base that
+keeps it.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +28,9 @@ def shows(
     return FaultTest(name, name, 1, outcomes, outcomes[0], given, where=HERE)
 
 
-def base(causes: list[Cause], tests: list[FaultTest], repairs: list[Repair], *raised: str) -> FaultModel:
+def base(
+    causes: list[Cause], tests: list[FaultTest], repairs: list[Repair], *raised: str
+) -> FaultModel:
     """A fault base of one exception with these causes."""
     counts = dict.fromkeys(raised or [each.name for each in causes], 1.0)
     return FaultModel(
@@ -43,7 +47,9 @@ def mend(name: str, **cures: float) -> Repair:
 
 
 STUCK, EMPTY, WORN = cause("stuck"), cause("empty"), cause("worn")
-SOUND = base([STUCK, EMPTY], [shows("look", "empty")], [mend("shake", stuck=0.5), mend("refill", empty=1.0)])
+SOUND = base(
+    [STUCK, EMPTY], [shows("look", "empty")], [mend("shake", stuck=0.5), mend("refill", empty=1.0)]
+)
 
 
 def said(model: FaultModel) -> list[str]:
@@ -136,10 +142,15 @@ def test_what_cannot_be_held_is_an_error_and_all_else_a_warning() -> None:
     causes, repairs = many(1001)
     assert [each.warning for each in check_faults(base(causes, [], repairs))] == [False]
     assert [
-        each.warning for each in check_faults(base([STUCK, EMPTY], [], list(SOUND.repairs.values())))
+        each.warning
+        for each in check_faults(base([STUCK, EMPTY], [], list(SOUND.repairs.values())))
     ] == [True]
-    assert all(each.hint and each.where == HERE for each in check_faults(base(*many(63)[:1], [], [])))
-    everything = base([STUCK, EMPTY, WORN], [shows("listen", "stuck", "empty")], [], "stuck", "empty")
+    assert all(
+        each.hint and each.where == HERE for each in check_faults(base(*many(63)[:1], [], []))
+    )
+    everything = base(
+        [STUCK, EMPTY, WORN], [shows("listen", "stuck", "empty")], [], "stuck", "empty"
+    )
     found = check_faults(everything)
     assert {each.code for each in found} == {"K309", "K903", "K904", "K902"}
     assert all(each.warning for each in found)

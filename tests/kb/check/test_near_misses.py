@@ -20,8 +20,12 @@ OTHERS = [
 ]
 
 
-def declared(folder: Path, names: dict[str, str] | None = None, more: dict[str, str] | None = None) -> Path:
-    """A domain that declares every convention: some under other `names`, some with `more` in their brackets."""
+def declared(
+    folder: Path, names: dict[str, str] | None = None, more: dict[str, str] | None = None
+) -> Path:
+    """A domain that declares every convention: some under other `names`, some with `more` in
+    their brackets.
+    """
     names, more = names or {}, more or {}
     lines = {Sort.STATIC: ["statics:"], Sort.FLUENT: ["fluents:"]}
     for role in PREDICATES:
@@ -29,7 +33,10 @@ def declared(folder: Path, names: dict[str, str] | None = None, more: dict[str, 
         arguments = ", ".join([*each.arguments, *([more[role]] if role in more else [])])
         lines[each.sort].append(f"  {names.get(role, role)}({arguments}): {{}}")
     type_, function = names.get("measurement", "measurement"), names.get("meas", "meas")
-    text = "domain: all\ntypes:\n  measurement: object\n  tool: object\n  arm: object\n  place: term\n  station: object\n"
+    text = (
+        "domain: all\ntypes:\n  measurement: object\n  tool: object\n  arm: object\n  place: "
+        "term\n  station: object\n"
+    )
     text += "  kind: [thickness, profile]\nfunctions:\n  FUNCTION(measurement): place\n"
     text += "\n".join(line for section in lines.values() for line in section) + "\n"
     text = text.replace("measurement", type_).replace("FUNCTION", function)
@@ -38,7 +45,10 @@ def declared(folder: Path, names: dict[str, str] | None = None, more: dict[str, 
 
 
 def test_fields_are_called_as_their_roles_and_named_so_at_first() -> None:
-    assert all(role == each.role == getattr(Conventions(), role) for role, each in CONVENTION_BY_NAME.items())
+    assert all(
+        role == each.role == getattr(Conventions(), role)
+        for role, each in CONVENTION_BY_NAME.items()
+    )
 
 
 def test_conventions_are_no_near_misses_of_each_other(tmp_path: Path) -> None:
@@ -71,7 +81,9 @@ def test_an_argument_too_many_is_noticed(tmp_path: Path, role: str) -> None:
     assert CONVENTION_BY_NAME[role].written() in found.hint
 
 
-@pytest.mark.parametrize("file", OTHERS, ids=lambda file: f"{file.parent.parent.name}/{file.parent.name}")
+@pytest.mark.parametrize(
+    "file", OTHERS, ids=lambda file: f"{file.parent.parent.name}/{file.parent.name}"
+)
 def test_other_domains_have_no_near_misses(file: Path, tmp_path: Path) -> None:
     for each in file.parent.glob("*.*"):
         (tmp_path / each.name).write_bytes(each.read_bytes().replace(b"CELL", b"cell"))
@@ -82,7 +94,8 @@ def test_other_domains_have_no_near_misses(file: Path, tmp_path: Path) -> None:
     "declaration",
     [
         "fluents:\n  position(place, place): {}",
-        "statics:\n  position(place, place): {}\n  normal(place): {}\n  needs(place, place): {}\n  change(place): {}",
+        "statics:\n  position(place, place): {}\n  normal(place): {}\n  needs(place, place): "
+        "{}\n  change(place): {}",
         "statics:\n  travel(place, place): {}",
         "statics:\n  release(place): {}\n  priority(place): {}",
         "statics:\n  positons(place, int, int, int): {}\n  chosn(place, place): {}",
@@ -90,12 +103,16 @@ def test_other_domains_have_no_near_misses(file: Path, tmp_path: Path) -> None:
     ],
 )
 def test_a_name_that_means_something_else_is_left_alone(declaration: str, tmp_path: Path) -> None:
-    (tmp_path / "domain.yaml").write_text(f"domain: other\ntypes:\n  place: object\n{declaration}\n")
+    (tmp_path / "domain.yaml").write_text(
+        f"domain: other\ntypes:\n  place: object\n{declaration}\n"
+    )
     assert near_misses(load_domain(str(tmp_path))) == []
 
 
 def said(folder: Path, *declarations: str) -> list[str]:
-    """What is pointed at in a domain of one type, in which each declaration is `section: predicate`."""
+    """What is pointed at in a domain of one type, in which each declaration is `section:
+    predicate`.
+    """
     sections: dict[str, list[str]] = {}
     for each in declarations:
         section, predicate = each.split(": ")

@@ -1,4 +1,6 @@
-"""What a domain forgets, and what is wrong with initial states: told where it is so, and nowhere else."""
+"""What a domain forgets, and what is wrong with initial states: told where it is so, and
+nowhere else.
+"""
 
 import itertools
 from pathlib import Path
@@ -14,7 +16,9 @@ GIVEN_BACK = "  - when: not at(Item, Place)\n    implies: free(Place)\n"
 RULES = "fits(I, P) :- item(I), place(P).\nhome(bolt, table).\nhome(nut, bin).\n"
 
 
-def codes(folder: Path, *changes: tuple[str, str], rules: str = RULES, problem: str = "") -> list[str]:
+def codes(
+    folder: Path, *changes: tuple[str, str], rules: str = RULES, problem: str = ""
+) -> list[str]:
     """The codes that `check` tells of the cell with changes in its domain."""
     return [each.code for each in told(folder, *changes, rules=rules, problem=problem)]
 
@@ -49,7 +53,9 @@ def test_the_sound_cell_is_sound(tmp_path: Path) -> None:
         (RULES + "helper(I) :- item(I).\n", []),
     ],
 )
-def test_rules_for_names_that_are_almost_declared(tmp_path: Path, rules: str, found: list[str]) -> None:
+def test_rules_for_names_that_are_almost_declared(
+    tmp_path: Path, rules: str, found: list[str]
+) -> None:
     assert codes(tmp_path, rules=rules) == found
 
 
@@ -58,7 +64,10 @@ def test_rules_for_names_that_are_almost_declared(tmp_path: Path, rules: str, fo
     [
         ("initial:\n  - at(nut, table)\ngoals:\n  - at(bolt, shelf)\n", ["K314"]),
         ("initial:\n  - at(nut, shelf)\ngoals:\n  - at(bolt, bin)\n", []),
-        ("initial:\n  - at(nut, shelf)\n  - at(bolt, shelf)\ngoals:\n  - at(bolt, bin)\n", ["K314"]),
+        (
+            "initial:\n  - at(nut, shelf)\n  - at(bolt, shelf)\ngoals:\n  - at(bolt, bin)\n",
+            ["K314"],
+        ),
         ("complete: true\ninitial:\n  - free(bin)\ngoals:\n  - at(bolt, bin)\n", ["K313"]),
         ("complete: true\ninitial:\n  - at(nut, table)\ngoals:\n  - at(bolt, bin)\n", ["K313"]),
         ("complete: true\ninitial:\n  - at(nut, table)\ngoals:\n  - at(nut, table)\n", ["K304"]),
@@ -69,7 +78,9 @@ def test_initial_states(tmp_path: Path, problem: str, found: list[str]) -> None:
     assert codes(tmp_path, problem=problem) == found
 
 
-@pytest.mark.parametrize(("full", "other"), list(itertools.permutations(("table", "bin", "shelf"), 2)))
+@pytest.mark.parametrize(
+    ("full", "other"), list(itertools.permutations(("table", "bin", "shelf"), 2))
+)
 def test_two_things_are_told_wherever_they_are_and_whatever_is_elsewhere(
     full: str, other: str, tmp_path: Path
 ) -> None:
@@ -84,7 +95,9 @@ def test_two_things_are_told_wherever_they_are_and_whatever_is_elsewhere(
 
 def test_a_place_that_nothing_needs_to_be_free_takes_several_things(tmp_path: Path) -> None:
     both = "initial:\n  - at(nut, shelf)\n  - at(bolt, shelf)\ngoals:\n  - at(bolt, bin)\n"
-    assert "K314" not in codes(tmp_path, ("at(Item, From), free(To)", "at(Item, From)"), problem=both)
+    assert "K314" not in codes(
+        tmp_path, ("at(Item, From), free(To)", "at(Item, From)"), problem=both
+    )
 
 
 NEEDY = (
@@ -93,7 +106,10 @@ NEEDY = (
     "  oil(Item): {preconditions: oiled(Item), deletes: oiled(Item)}\n"
     "  level(Place): {preconditions: zeroed(Place), deletes: zeroed(Place)}\n  move(Item",
 )
-MORE = ("  free(place): {}\n", "  free(place): {}\n  alarm: {}\n  oiled(item): {}\n  zeroed(place): {}\n")
+MORE = (
+    "  free(place): {}\n",
+    "  free(place): {}\n  alarm: {}\n  oiled(item): {}\n  zeroed(place): {}\n",
+)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +120,8 @@ MORE = ("  free(place): {}\n", "  free(place): {}\n  alarm: {}\n  oiled(item): {
         (
             "free(bin)",
             (MORE, NEEDY),
-            "nothing is true of at(item, place), oiled(item), zeroed(place): add such facts under `initial:`",
+            "nothing is true of at(item, place), oiled(item), zeroed(place): add such facts "
+            "under `initial:`",
         ),
     ],
 )
@@ -158,7 +175,8 @@ def test_causes_come_before_what_follows_and_errors_before_warnings() -> None:
     said = ["K304", "K313", "K103", "K101", "K104", "K002"]
     warnings = ("K304", "K313")
     found = [
-        Diagnostic(Source("f", line), code, "", "", code in warnings) for line, code in enumerate(said, 1)
+        Diagnostic(Source("f", line), code, "", "", code in warnings)
+        for line, code in enumerate(said, 1)
     ]
     assert [each.code for each in order_diagnostics(found)] == [
         "K002",
@@ -177,7 +195,9 @@ def test_causes_come_before_what_follows_and_errors_before_warnings() -> None:
         ("kitchen", "the domain beside this file is 'workshop'; or a path"),
     ],
 )
-def test_the_domain_beside_a_problem_is_what_it_may_mean(tmp_path: Path, name: str, hint: str) -> None:
+def test_the_domain_beside_a_problem_is_what_it_may_mean(
+    tmp_path: Path, name: str, hint: str
+) -> None:
     codes(tmp_path)
     (tmp_path / "problems" / "p.yaml").write_text(
         f"problem: p\ndomain: {name}\ngoals:\n  - free(bin)\n", "utf-8"

@@ -75,7 +75,8 @@ def test_a_name_in_a_text_a_comment_or_a_term_is_no_use(cell: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "part", ["not ide(I)", "#count { J : ide(J) } > 1", "1 { ide(J) : item(J) }", "ide(J) : item(J)"]
+    "part",
+    ["not ide(I)", "#count { J : ide(J) } > 1", "1 { ide(J) : item(J) }", "ide(J) : item(J)"],
 )
 def test_whatever_a_body_does_with_a_predicate_uses_it(cell: Path, part: str) -> None:
     declared(cell, "ide(item)", "beside(item)")
@@ -111,7 +112,11 @@ def test_what_a_cause_makes_true_needs_no_operator(cell: Path) -> None:
     edit(cell / "domain.yaml", "  free: {}", "  free: {}\n  odd(item): {}")
     edit(cell / "domain.yaml", "operators:\n", throw)
     assert {"K304", "K310"} <= set(codes(cell))
-    edit(cell / "faults.yaml", "    adds: at(Item, gripper)\n", "    adds: at(Item, gripper), odd(Item)\n")
+    edit(
+        cell / "faults.yaml",
+        "    adds: at(Item, gripper)\n",
+        "    adds: at(Item, gripper), odd(Item)\n",
+    )
     assert not {"K304", "K310"} & set(codes(cell))
 
 
@@ -143,20 +148,30 @@ def test_an_operator_that_reads_what_all_its_kin_hold_is_pointed_at(cell: Path) 
     )
     edit(cell / "domain.yaml", "  bin: [left, right]", "  bin: [left, right]\n  item: [bolt]")
     edit(cell / "problems" / "two_items.yaml", "[bolt, plate]", "[plate]")
-    found = [each for each in domain_check.check_domain_files(str(cell)).diagnostics if each.code == "K305"]
+    found = [
+        each
+        for each in domain_check.check_domain_files(str(cell)).diagnostics
+        if each.code == "K305"
+    ]
     assert ["forget reads at(bolt, gripper)" in each.message for each in found] == [True]
 
 
 def test_a_violated_constraint_is_reported_at_its_place(cell: Path) -> None:
     with (cell / "rules.lp").open("a") as rules:
         rules.write(":- small(I), small(J), I != J.\n")
-    edit(cell / "problems" / "two_items.yaml", "  - small(bolt)", "  - small(bolt)\n  - small(plate)")
+    edit(
+        cell / "problems" / "two_items.yaml", "  - small(bolt)", "  - small(bolt)\n  - small(plate)"
+    )
     (found,) = [
-        each for each in domain_check.check_domain_files(str(cell)).diagnostics if each.code == "K204"
+        each
+        for each in domain_check.check_domain_files(str(cell)).diagnostics
+        if each.code == "K204"
     ]
     assert (Path(found.where.path).name, found.where.line) == ("rules.lp", 4)
     with pytest.raises(InvalidInput, match="K204"):
-        checked_plan.plan_problem(checked_plan.problem_of(str(cell / "problems" / "two_items.yaml")))
+        checked_plan.plan_problem(
+            checked_plan.problem_of(str(cell / "problems" / "two_items.yaml"))
+        )
 
 
 def test_a_predicate_may_be_true_in_very_many_ways(cell: Path) -> None:
@@ -166,12 +181,22 @@ def test_a_predicate_may_be_true_in_very_many_ways(cell: Path) -> None:
     initial = "".join(f"  - at(i{number}, table)\n" for number in range(1, 13))
     text = (cell / "problems" / "two_items.yaml").read_text()
     head, _, _ = text.partition("initial:")
-    (cell / "problems" / "two_items.yaml").write_text(f"{head}initial:\n{initial}goals:\n  - settled\n")
+    (cell / "problems" / "two_items.yaml").write_text(
+        f"{head}initial:\n{initial}goals:\n  - settled\n"
+    )
     with (cell / "rules.lp").open("a") as rules:
-        rules.write("unsettled(I) :- item(I), at(I, left).\nunsettled(I) :- item(I), at(I, gripper).\n")
         rules.write(
-            "settled :- " + ", ".join(f"not unsettled(i{n}), lost(i{n})" for n in range(1, 13)) + ".\n"
+            "unsettled(I) :- item(I), at(I, left).\nunsettled(I) :- item(I), at(I, gripper).\n"
+        )
+        rules.write(
+            "settled :- "
+            + ", ".join(f"not unsettled(i{n}), lost(i{n})" for n in range(1, 13))
+            + ".\n"
         )
         rules.write("lost(I) :- at(I, table).\nlost(I) :- at(I, right).\n")
-    edit(cell / "domain.yaml", "  settled: {}", "  settled: {}\n  unsettled(item): {}\n  lost(item): {}")
+    edit(
+        cell / "domain.yaml",
+        "  settled: {}",
+        "  settled: {}\n  unsettled(item): {}\n  lost(item): {}",
+    )
     assert not any(code.startswith("K30") for code in codes(cell))

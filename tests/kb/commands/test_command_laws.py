@@ -41,11 +41,15 @@ def heated_seconds(time_said: str) -> int:
 
 @unhurried
 @given(LISTS.flatmap(lambda numbers: st.tuples(st.just(numbers), st.permutations(numbers))))
-def test_the_order_of_a_list_only_says_who_is_named_first(lists: tuple[list[int], list[int]]) -> None:
+def test_the_order_of_a_list_only_says_who_is_named_first(
+    lists: tuple[list[int], list[int]],
+) -> None:
     sentence = "process probes {} for 15 min, cool them for 5 min and store them again"
     one, other = (meaning(sentence.format(listed(numbers))) for numbers in lists)
     assert set(one.chains) == set(other.chains)
-    assert [str(chain.subject) for chain in other.chains] == [f"probe_{number}" for number in lists[1]]
+    assert [str(chain.subject) for chain in other.chains] == [
+        f"probe_{number}" for number in lists[1]
+    ]
     assert one.goal == other.goal
 
 
@@ -68,11 +72,16 @@ def test_commas_and_conjunctions_join_lists_alike(numbers: list[int], last: str)
 @unhurried
 @given(
     LISTS,
-    st.sampled_from([", ", " and ", ", and ", " then ", ", then ", " and then ", "; ", ". ", ". Then "]),
+    st.sampled_from(
+        [", ", " and ", ", and ", " then ", ", then ", " and then ", "; ", ". ", ". Then "]
+    ),
 )
-def test_acts_of_the_same_probes_follow_each_other_however_joined(numbers: list[int], join: str) -> None:
+def test_acts_of_the_same_probes_follow_each_other_however_joined(
+    numbers: list[int], join: str
+) -> None:
     said = meaning(
-        f"heat probes {listed(numbers)} for 5 min{join}store {'it' if len(numbers) == 1 else 'them'}"
+        f"heat probes {listed(numbers)} for 5 min{join}store "
+        f"{'it' if len(numbers) == 1 else 'them'}"
     )
     assert {(str(c.subject), c.after, tuple(map(str, c.stages))) for c in said.chains} == {
         (f"probe_{n}", (), (f"heated(probe_{n}, 300)", f"stored(probe_{n})")) for n in numbers
@@ -83,7 +92,9 @@ def test_acts_of_the_same_probes_follow_each_other_however_joined(numbers: list[
 @given(st.data())
 def test_capitals_and_articles_mean_nothing(data: st.DataObject) -> None:
     sentence = "process probes 1 and 2 in the furnace for 15 min, then store them"
-    words = [data.draw(st.sampled_from([word, word.title(), word.upper()])) for word in sentence.split()]
+    words = [
+        data.draw(st.sampled_from([word, word.title(), word.upper()])) for word in sentence.split()
+    ]
     said = " ".join(word for word in words if word.lower() != "the" or data.draw(st.booleans()))
     assert meaning(said) == meaning(sentence)
 
@@ -96,7 +107,12 @@ def test_units_of_time_agree(seconds: int) -> None:
     minutes, left = divmod(rest, 60)
     pieces = [(hours, "h"), (minutes, "min"), (left, "s")]
     said = " ".join(f"{amount} {unit}" for amount, unit in pieces if amount)
-    assert heated_seconds(said) == heated_seconds(f"{seconds} s") == heated_seconds(f"{seconds}s") == seconds
+    assert (
+        heated_seconds(said)
+        == heated_seconds(f"{seconds} s")
+        == heated_seconds(f"{seconds}s")
+        == seconds
+    )
 
 
 def test_times_in_words() -> None:
@@ -108,9 +124,15 @@ def test_times_in_words() -> None:
 
 
 @unhurried
-@given(st.lists(st.tuples(NUMBERS, st.sampled_from(["heat", "cool"]), st.booleans()), min_size=1, max_size=6))
+@given(
+    st.lists(
+        st.tuples(NUMBERS, st.sampled_from(["heat", "cool"]), st.booleans()), min_size=1, max_size=6
+    )
+)
 def test_the_order_of_a_sentence_is_honoured(acts: list[tuple[int, str, bool]]) -> None:
-    """Acts of one probe in the order said; after "then", another probe waits for all that was said before."""
+    """Acts of one probe in the order said; after "then", another probe waits for all that was
+    said before.
+    """
     said = ""
     groups: list[list[tuple[str, int]]] = []
     for index, (probe, verb, then) in enumerate(acts):
@@ -130,13 +152,16 @@ def test_the_order_of_a_sentence_is_honoured(acts: list[tuple[int, str, bool]]) 
                 earlier = [number for each in groups[:index] for _, number in each]
                 assert all((number, act) in before for number in earlier), said
     for group in groups[:1]:
-        assert not any((a, b) in before for (p, a), (q, b) in itertools.permutations(group, 2) if p != q)
+        assert not any(
+            (a, b) in before for (p, a), (q, b) in itertools.permutations(group, 2) if p != q
+        )
 
 
 def _stage_order(problem: Problem) -> set[tuple[int, int]]:
     """Pairs of acts, numbered by their minutes, of which the first must end before the second."""
     numbers = {
-        chain.name: [_minutes(stage.arguments[1]) for stage in chain.stages] for chain in problem.chains
+        chain.name: [_minutes(stage.arguments[1]) for stage in chain.stages]
+        for chain in problem.chains
     }
     behind: dict[str, set[int]] = {}
     pairs: set[tuple[int, int]] = set()
@@ -189,7 +214,9 @@ WORDS += [
     "not",
 ]
 SOUP = st.lists(
-    st.sampled_from([*WORDS, "1", "2", "7", "5 min", ",", ".", "-", "probe_1", "drawer", "xyz", "%"])
+    st.sampled_from(
+        [*WORDS, "1", "2", "7", "5 min", ",", ".", "-", "probe_1", "drawer", "xyz", "%"]
+    )
 )
 
 

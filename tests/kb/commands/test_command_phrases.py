@@ -56,7 +56,10 @@ def load_with(folder: Path, phrase: str) -> list[str]:
 
 def spelled(say: str) -> list[str]:
     parts = expand_pattern(read_pattern(say))
-    return [" ".join(p.text if isinstance(p, PatternWord) else f"<{p.type}>" for p in each) for each in parts]
+    return [
+        " ".join(p.text if isinstance(p, PatternWord) else f"<{p.type}>" for p in each)
+        for each in parts
+    ]
 
 
 def test_a_pattern_is_the_sequences_that_it_allows() -> None:
@@ -109,21 +112,33 @@ def test_people_are_shown_types_for_slots() -> None:
 @pytest.mark.parametrize(
     ("phrase", "code", "column", "message"),
     [
-        ('    - say: "put {B:box}"\n      goal: onn(B, shelf)\n', "K101", 13, "unknown predicate 'onn'"),
+        ('    - say: "put {B:box}"\n      goal: onn(B, '
+        'shelf)\n', "K101", 13, "unknown predicate 'onn'"),
         ('    - say: "put {B:bx}"\n      goal: on(B, shelf)\n', "K101", 17, "unknown type 'bx'"),
         ('    - say: "put {B:box}"\n      goal: on(B)\n', "K102", 13, "on takes 2 arguments"),
-        ('    - say: "put {B:box}"\n      goal: on(shelf, table)\n', "K103", 16, "shelf is place, but on takes box here"),
-        ('    - say: "put {B:box}"\n      goal: on(B, shlf)\n', "K101", 19, "unknown object 'shlf'"),
-        ('    - say: "put {B:box}"\n      goal: on(C, shelf)\n', "K105", 16, "variable C is not a slot of the phrase"),
-        ('    - say: "put {B:box}"\n      stage: on(B, _)\n', "K105", 20, "a stage cannot contain '_'"),
-        ('    - say: "put {B:box}"\n      goal: heavy(B)\n', "K108", 13, "'heavy' is static; a goal is fluent or derived"),
+        ('    - say: "put {B:box}"\n      goal: on(shelf, '
+        'table)\n', "K103", 16, "shelf is place, but on takes box here"),
+        ('    - say: "put {B:box}"\n      goal: on(B, '
+        'shlf)\n', "K101", 19, "unknown object 'shlf'"),
+        ('    - say: "put {B:box}"\n      goal: on(C, '
+        'shelf)\n', "K105", 16, "variable C is not a slot of the phrase"),
+        ('    - say: "put {B:box}"\n      stage: on(B, '
+        '_)\n', "K105", 20, "a stage cannot contain '_'"),
+        ('    - say: "put {B:box}"\n      goal: '
+        'heavy(B)\n', "K108", 13, "'heavy' is static; a goal is fluent or derived"),
         ('    - say: "put {B:box"\n      goal: on(B, shelf)\n', "K601", 17, "unexpected '{'"),
-        ('    - say: "(put {B:box}|put it)"\n      goal: on(B, shelf)\n', "K601", 18, "slot B occurs 0 times in 'put it'"),
-        ('    - say: "put {B:box} on r2-d2"\n      goal: on(B, shelf)\n', "K601", 28, "'r2-d2' is not a word that a sentence can contain"),
-        ('    - say: "put {B:box}"\n      goal: on(B, shelf\n', "K106", 15, "this bracket is never closed"),
-        ('    - say: "weigh {B:box}"\n      stage: "not weighed(B, 5)"\n', "K107", 15, "a stage can only contain atoms"),
-        ('    - say: "put {B:box}"\n      stage: weighed(B, 5) & on(B, shelf)\n', "K108", 14, "an event is no state"),
-        ('    - say: "put {B:box}"\n      stage: on(B, shelf)\n      subject: C\n', "K105", 16, "'C' is no slot for an object"),
+        ('    - say: "(put {B:box}|put it)"\n      goal: on(B, '
+        'shelf)\n', "K601", 18, "slot B occurs 0 times in 'put it'"),
+        ('    - say: "put {B:box} on r2-d2"\n      goal: on(B, '
+        'shelf)\n', "K601", 28, "'r2-d2' is not a word that a sentence can contain"),
+        ('    - say: "put {B:box}"\n      goal: on(B, '
+        'shelf\n', "K106", 15, "this bracket is never closed"),
+        ('    - say: "weigh {B:box}"\n      stage: "not weighed(B, '
+        '5)"\n', "K107", 15, "a stage can only contain atoms"),
+        ('    - say: "put {B:box}"\n      stage: weighed(B, 5) & on(B, '
+        'shelf)\n', "K108", 14, "an event is no state"),
+        ('    - say: "put {B:box}"\n      stage: on(B, shelf)\n      subject: '
+        'C\n', "K105", 16, "'C' is no slot for an object"),
     ],
 )  # fmt: skip
 def test_a_wrong_phrase_is_reported_at_its_place(
@@ -139,7 +154,9 @@ def test_a_wrong_phrase_is_reported_at_its_place(
 
 def test_words_belong_to_types_and_objects(tmp_path: Path) -> None:
     path = tmp_path / "domain.yaml"
-    path.write_text(DOMAIN.replace("words: {box: [box, boxes]}", "words: {bx: [box, boxes]}"), "utf-8")
+    path.write_text(
+        DOMAIN.replace("words: {box: [box, boxes]}", "words: {bx: [box, boxes]}"), "utf-8"
+    )
     with pytest.raises(InvalidInput) as raised:
         load(path)
     (found,) = raised.value.diagnostics
@@ -195,7 +212,9 @@ def test_sentences_of_two_phrases_are_pointed_at(
 def test_a_noun_of_two_types_is_pointed_at(tmp_path: Path) -> None:
     types = ("types: {box: object, ", "types: {box: object, small_box: box, ")
     words = ("words: {box: [box, boxes]}", "words: {box: [box, boxes], small_box: [box]}")
-    assert unclear(tmp_path, types, words) == ["'box' means both box and small_box; a sentence means box"]
+    assert unclear(tmp_path, types, words) == [
+        "'box' means both box and small_box; a sentence means box"
+    ]
 
 
 def problem(folder: Path, more: str) -> str:
@@ -224,7 +243,9 @@ def test_a_wrong_command_in_a_problem_is_reported_in_its_file(tmp_path: Path) ->
 
 def test_a_problem_has_a_command_or_goals(tmp_path: Path) -> None:
     path = problem(tmp_path, "goals:\n  - on(box_1, table)\ncommand: put box 2 on the table\n")
-    with pytest.raises(InvalidInput, match="a problem cannot have both a command and goals or a workflow"):
+    with pytest.raises(
+        InvalidInput, match="a problem cannot have both a command and goals or a workflow"
+    ):
         load_problem(path)
 
 

@@ -1,4 +1,7 @@
-"""Sentences and what is understood; wrong ones and what is said about them. Golden, one file for each."""
+"""Sentences and what is understood; wrong ones and what is said about them.
+
+Golden, one file for each.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,9 +15,16 @@ from cellwright.kb.model.domain_model import Domain
 from cellwright.kb.model.planning_problem import Problem
 
 GOOD = {
-    "the_sentence_of_themse": "process probes 1 and 2 in the furnace for 15 min, cool them down in the freezer for "
+    "the_sentence_of_themse": "process probes 1 and 2 in the furnace for 15 min, cool them down in "
+    "the "
+    "freezer "
+    "for "
     "5 min and store them in the drawer again",
-    "as_the_paper_prints_it": "process probes 1 and 2 in the furnace for 15 min., cool them down in the freezer for "
+    "as_the_paper_prints_it": "process probes 1 and 2 in the furnace for 15 min., cool them down "
+    "in "
+    "the "
+    "freezer "
+    "for "
     "5 min. and store them in the drawer again.",
     "all_probes": "process all probes for 15 min, cool them for 5 min and store them again",
     "list_of_three": "heat probes 1, 2 and 4 for 90 s",
@@ -26,7 +36,8 @@ GOOD = {
     "times_in_words": "heat probe one for a quarter of an hour, then cool it for half a minute",
     "it": "heat probe 1 for 15 min and store it",
     "both": "heat probe 1 for 15 min, cool probe 2 for 5 min, then store both",
-    "them_after_single_probes": "heat probe 1 for 15 min and heat probe 2 for 10 min, then store them",
+    "them_after_single_probes": "heat probe 1 for 15 min and heat probe 2 for 10 min, then store "
+    "them",
     "then_for_the_same_probes": "heat probes 1 and 2 for 15 min, then cool them for 5 min",
     "then_for_another_probe": "heat probe 1 for 15 min, then cool probe 2 for 5 min",
     "and_for_another_probe": "heat probe 1 for 15 min and cool probe 2 for 5 min",
@@ -40,8 +51,11 @@ GOOD = {
     "open_and_close": "open the drawer, put probe 3 into the freezer and close the drawer",
     "goal_beside_a_workflow": "heat probe 1 for 15 min and put probe 2 into the freezer",
     "sensors": "check the grip force and read the laser",
-    "the_freezer_is_opened_and_closed": "open the freezer, put probe 1 into the freezer and close the freezer",
-    "the_lid_is_part_of_the_freezer": "open the lid, put probe 1 into the freezer and close the freezer",
+    "the_freezer_is_opened_and_closed": "open the freezer, put probe 1 into the freezer and close "
+    "the "
+    "freezer",
+    "the_lid_is_part_of_the_freezer": "open the lid, put probe 1 into the freezer and close the "
+    "freezer",
     "furnace_and_flap": "open the furnace, put probe 1 into the furnace and close the flap",
     "opened_and_closed": "open the drawer and close it",
     "it_is_the_freezer": "open the freezer, put probe 1 into it and close it",
@@ -63,7 +77,9 @@ GOOD = {
     "polite": "Could you please heat probe 1 for 5 min?",
     "after_in_front": "after heating probe 1 for 5 min, store it",
     "after_behind": "store probe 1 after heating it for 5 min",
-    "after_two_acts": "after heating probe 1 for 5 min and cooling it for 3 min, store it and open the drawer",
+    "after_two_acts": "after heating probe 1 for 5 min and cooling it for 3 min, store it and open "
+    "the "
+    "drawer",
     "before_in_front": "before storing it, heat probe 1 for 5 min",
     "before_another_probe": "store probe 1 before heating probe 2 for 5 min",
     "after_that": "heat probe 1 for 15 min, after that cool it for 5 min, finally store it",
@@ -80,12 +96,20 @@ GOOD = {
     "out_of": "take probe 1 out of the furnace",
     "steps_of_two_devices": "put the lid on the freezer and lock it",
     "opened_heated_closed": "open the drawer, heat probe 1 for 10 min, then close the drawer",
-    "taken_and_put_back": "take probe 1 out of the drawer, heat probe 2 for 10 min, put probe 1 back",
+    "taken_and_put_back": "take probe 1 out of the drawer, heat probe 2 for 10 min, put probe 1 "
+    "back",
     "furnace_cannot_be_open": "open the furnace, heat probe 1 for 10 min, close the furnace",
-    "one_in_the_other": "open the drawer and the flap, put probe 1 into the furnace, close the flap and close the drawer",
+    "one_in_the_other": "open the drawer and the flap, put probe 1 into the furnace, close the "
+    "flap "
+    "and "
+    "close "
+    "the drawer",
     "once_passive": "once probe 1 has been heated for 10 min, close the drawer",
     "once_what_was_said": "heat probes 1 and 2 for 10 min; once probe 1 is heated, open the drawer",
-    "once_with_two_times": "heat probe 1 for 5 min and probe 2 for 20 min; once both are heated, open the drawer",
+    "once_with_two_times": "heat probe 1 for 5 min and probe 2 for 20 min; once both are heated, "
+    "open "
+    "the "
+    "drawer",
     "once_two_acts": "once probe 1 has been heated for 5 min and cooled for 3 min, store it",
     "once_open": "once the drawer is open, heat probe 1 for 5 min and close the drawer",
     "as_soon_as": "close the drawer as soon as probe 1 has been stored",
@@ -95,14 +119,19 @@ GOOD = {
     "before_what_was_said": "heat probe 1 for 10 min. Before heating it, open the drawer.",
     "before_two_acts": "before storing it, heat probe 1 for 5 min and open the flap",
     "before_without_a_verb": "heat probe 1 for 5 min before probe 2",
-    "before_and_after": "open the drawer before heating probe 1 for 5 min, then close the drawer after heating it",
-    "once_all_of_them": "heat probe 1 for 5 min and probe 2 for 6 min, once all are heated store them",
+    "before_and_after": "open the drawer before heating probe 1 for 5 min, then close the drawer "
+    "after "
+    "heating "
+    "it",
+    "once_all_of_them": "heat probe 1 for 5 min and probe 2 for 6 min, once all are heated store "
+    "them",
     "each_by_itself": "after heating probes 1 and 2 for 5 min, store them",
     "it_is_each": "heat every probe for 5 min and store it",
     "but_first": "heat probe 2 for 5 min but first cool probe 1 for 5 min",
     "but_first_behind": "heat probe 1 for 5 min, but open the drawer first",
     "but_before_that": "heat probe 1 for 5 min and store it, but before that open the flap",
-    "first_of_a_new_sentence": "open the drawer. First heat probe 1 for 5 min, then close the drawer",
+    "first_of_a_new_sentence": "open the drawer. First heat probe 1 for 5 min, then close the "
+    "drawer",
     "semicolons": "heat probe 1 for 5 min; open the drawer; store it.",
 }
 
@@ -169,8 +198,11 @@ BULKHEAD = {
     "bulkhead_no_such_point": "measure m13 with the laser",
     "bulkhead_which_tool": "take the tool",
     "bulkhead_with_in_front": "with the laser measure m4",
-    "bulkhead_tool_and_points": "take the laser and measure points 3 and 4 with it, then put it back",
-    "bulkhead_one_tool_after_the_other": "pick up the laser, measure m4, then pick up the ultrasonic probe",
+    "bulkhead_tool_and_points": "take the laser and measure points 3 and 4 with it, then put it "
+    "back",
+    "bulkhead_one_tool_after_the_other": "pick up the laser, measure m4, then pick up the "
+    "ultrasonic "
+    "probe",
     "bulkhead_all_but": "measure all points except m3 and m4",
     "bulkhead_back_again": "go to m3, measure m4, go to m3",
     "bulkhead_but_first": "measure points 1 and 2 with the laser, but first go to m3",
@@ -182,8 +214,14 @@ BULKHEAD = {
 
 
 WORKSHOP = {
-    "workshop_open_and_close": "open the red box, put part A into the red box and close the red box",
-    "workshop_two_boxes": "open both boxes, pack part a into the red box, pack part b into the blue box and close them",
+    "workshop_open_and_close": "open the red box, put part A into the red box and close the red "
+    "box",
+    "workshop_two_boxes": "open both boxes, pack part a into the red box, pack part b into the "
+    "blue "
+    "box "
+    "and "
+    "close "
+    "them",
     "workshop_gate": "open the gate, bring part b to the rack and close the gate",
     "workshop_between": "open the red box; wash part a; close the red box",
     "workshop_two_verbs": "wash and dry part a for 5 min",
@@ -235,13 +273,19 @@ def test_what_the_bulkhead_cell_understands(name: str, golden: Callable[[str, st
 
 
 @pytest.mark.parametrize("name", WORKSHOP)
-def test_what_a_cell_with_slots_everywhere_understands(name: str, golden: Callable[[str, str], None]) -> None:
-    golden(f"{name}.txt", printed(load_domain(str(Path(__file__).parent / "workshop")), WORKSHOP[name]))
+def test_what_a_cell_with_slots_everywhere_understands(
+    name: str, golden: Callable[[str, str], None]
+) -> None:
+    golden(
+        f"{name}.txt", printed(load_domain(str(Path(__file__).parent / "workshop")), WORKSHOP[name])
+    )
 
 
 def test_there_are_sixty_good_and_forty_bad_sentences() -> None:
     folder = Path(__file__).parent / "golden"
-    texts = [(folder / f"{name}.txt").read_text("utf-8") for name in (*GOOD, *BAD, *BULKHEAD, *WORKSHOP)]
+    texts = [
+        (folder / f"{name}.txt").read_text("utf-8") for name in (*GOOD, *BAD, *BULKHEAD, *WORKSHOP)
+    ]
     good = sum(text.startswith("say: ") for text in texts)
     assert good >= 60
     assert len(texts) - good >= 40
@@ -271,7 +315,8 @@ def test_what_leans_on_something_unclear_is_not_told_as_well(
 
 def test_a_misspelt_word_is_said_to_be_one_of_the_domain(tmp_path: Path) -> None:
     (tmp_path / "domain.yaml").write_text(
-        "domain: foils\ntypes: {plate: object}\nobjects: {plate: [plate_1]}\nfluents:\n  sealed(plate): {}\n"
+        "domain: foils\ntypes: {plate: object}\nobjects: {plate: [plate_1]}\nfluents:\n  "
+        "sealed(plate): {}\n"
         'commands:\n  phrases:\n    - say: "seal {P:plate}"\n      goal: sealed(P)\n',
         "utf-8",
     )

@@ -48,7 +48,9 @@ def refusal(found: Domain, sentence: str) -> str:
 
 @pytest.mark.parametrize("written", SPELLINGS)
 @pytest.mark.parametrize("said", [*SPELLINGS, "Heater-Shaker"])
-def test_a_joined_word_is_understood_in_each_spelling(tmp_path: Path, written: str, said: str) -> None:
+def test_a_joined_word_is_understood_in_each_spelling(
+    tmp_path: Path, written: str, said: str
+) -> None:
     found = domain(tmp_path, written)
     assert goal(found, f"put plate 2 into the {said}") == "inside(plate_2, heater_shaker)"
     assert goal(found, f"clean the {said}") == "clean(heater_shaker)"
@@ -67,7 +69,9 @@ def test_what_is_not_understood_is_told_behind_a_joined_word(tmp_path: Path) -> 
         refusal(domain(tmp_path), "put plate 2 into the heater-shakr")
         == "K602 'shakr' is not understood here"
     )
-    assert refusal(domain(tmp_path), "put plate 2 into the heater-shaker qickly").startswith("K602 'qickly'")
+    assert refusal(domain(tmp_path), "put plate 2 into the heater-shaker qickly").startswith(
+        "K602 'qickly'"
+    )
 
 
 def test_numbers_and_names_with_numbers_stay_whole() -> None:
@@ -83,13 +87,19 @@ def test_what_is_unclear_is_told_with_the_noun_of_the_sentence(tmp_path: Path) -
     assert refusal(found, "shake plate 9") == "K603 there is no plate 9"
     assert refusal(found, "shake well plates 1 and 9") == "K603 there is no well plate 9"
     assert refusal(found, "shake probe 9") == "K603 there is no probe 9"
-    assert refusal(found, "shake plate 1, then put 9 into the heater shaker") == "K603 there is no plate 9"
+    assert (
+        refusal(found, "shake plate 1, then put 9 into the heater shaker")
+        == "K603 there is no plate 9"
+    )
     assert "no plate was named before" in refusal(found, "shake the other plates")
 
 
 def test_where_no_noun_was_said_the_names_of_the_objects_give_it(tmp_path: Path) -> None:
     assert refusal(domain(tmp_path), "shake it") == "K603 nothing before 'it' is a plate"
-    assert refusal(domain(tmp_path), "shake heater_shaker") == "K603 heater_shaker is a machine, not a plate"
+    assert (
+        refusal(domain(tmp_path), "shake heater_shaker")
+        == "K603 heater_shaker is a machine, not a plate"
+    )
 
 
 @pytest.mark.parametrize("said", ["oven 2", "oven two", "oven_2", "oven-2"])

@@ -52,8 +52,12 @@ def _shown(chain: Chain) -> str:
 
 
 def test_a_phrase_says_what_its_act_is_about(tmp_path: Path) -> None:
-    """The part goes into two boxes one after the other; about the boxes, the two acts would have no order."""
-    found = chains(domain(tmp_path), "load box 1 with part 1, prepare part 2, load box 2 with part 1")
+    """The part goes into two boxes one after the other; about the boxes, the two acts would
+    have no order.
+    """
+    found = chains(
+        domain(tmp_path), "load box 1 with part 1, prepare part 2, load box 2 with part 1"
+    )
     assert found["p1"] == "in(p1, b1) after nothing"
     assert found["p1:2"] == "in(p1, b1), in(p1, b2) after p2"
 
@@ -67,7 +71,9 @@ def test_acts_that_exclude_each_other_are_one_chain_whatever_they_are_about(
 
 
 def test_a_setting_in_a_slot_makes_no_chains_that_contradict_each_other(tmp_path: Path) -> None:
-    found = chains(domain(tmp_path), "turn the lid opened, load box 1 with part 1, turn the lid shut")
+    found = chains(
+        domain(tmp_path), "turn the lid opened, load box 1 with part 1, turn the lid shut"
+    )
     assert [*found.values()] == [
         "lid(opened) after nothing",
         "in(p1, b1) after opened",

@@ -1,7 +1,8 @@
-"""Thirty and more sentences for each large cell, and some for each small one, that are understood, and as many that are not: what is made of each, and what is said.
+"""Thirty and more sentences for each large cell, and some for each small one, that are understood,
+and as many that are not: what is made of each, and what is said.
 
-Each file of `golden/sets` has the sentences of one cell; behind each stands what comes of it. To add a sentence, write a line
-`say: ...` and run with `--update-golden`.
+Each file of `golden/sets` has the sentences of one cell; behind each stands what comes of it. To
+add a sentence, write a line `say: ...` and run with `--update-golden`.
 """
 
 from collections.abc import Callable
@@ -51,7 +52,8 @@ def refused(target: Problem | Domain, sentence: str) -> str:
     with pytest.raises(InvalidInput) as error:
         understand_command(target, sentence)
     lines = (
-        f"  {e.where.column}: {e.code} {e.message}; {e.hint}".rstrip("; ") for e in error.value.diagnostics
+        f"  {e.where.column}: {e.code} {e.message}; {e.hint}".rstrip("; ")
+        for e in error.value.diagnostics
     )
     return "\n".join([SAY + sentence, *lines]) + "\n"
 

@@ -1,4 +1,6 @@
-"""New names: what is renamed means the same under its new name, and what cannot be renamed is refused with a reason."""
+"""New names: what is renamed means the same under its new name, and what cannot be renamed is
+refused with a reason.
+"""
 
 import re
 import shutil
@@ -41,7 +43,9 @@ def everything(folder: Path) -> str:
     """A domain with its problems and faults, as text without places."""
     domain = folder / "domain.yaml"
     problems = [load(path).problem for path in problem_files(domain)]
-    return "\n".join([repr(load(domain).domain), *map(repr, problems), repr(load_faults(domain)[0])])
+    return "\n".join(
+        [repr(load(domain).domain), *map(repr, problems), repr(load_faults(domain)[0])]
+    )
 
 
 @pytest.fixture
@@ -142,7 +146,9 @@ def test_a_finding_beyond_the_text_has_no_fix() -> None:
     from cellwright.kb.diagnostics import Source
 
     file = FileIndex.of("domain.yaml", "domain: d\n")
-    finding = Diagnostic(Source("domain.yaml", 90, 3), "K101", "unknown type 'x'", "did you mean 'y'?")
+    finding = Diagnostic(
+        Source("domain.yaml", 90, 3), "K101", "unknown type 'x'", "did you mean 'y'?"
+    )
     assert list(fixes_of(NameIndex({"domain.yaml": file}), file, finding)) == []
 
 
@@ -172,7 +178,11 @@ def test_what_nothing_uses_is_removed(cell: Path) -> None:
     found = [each for each in check_domain(load(domain).domain) if "polished" in each.message]
     assert [each.code for each in found] == ["K309"]
     index = index_of(cell)
-    (fix,) = [each for each in fixes_of(index, index.files[str(domain)], found[0]) if "remove" in each.title]
+    (fix,) = [
+        each
+        for each in fixes_of(index, index.files[str(domain)], found[0])
+        if "remove" in each.title
+    ]
     assert fix.title == "remove 'polished'"
     apply(index, list(fix.changes))
     assert domain.read_text() == text

@@ -31,16 +31,23 @@ def offered(index: NameIndex, name: str, old: str, new: str) -> set[str]:
 @pytest.mark.parametrize(
     ("old", "new", "with_", "without"),
     [
-        ("adds: at(Item, mars_gripper)", "adds: ", {"at", "heated"}, {"capacity", "accessible", "probe"}),
-        ("where: fits(Item, Place)", "where: fi", {"fits", "accessible", "probe"}, {"at", "heated"}),
-        ("adds: at(Item, mars_gripper)", "adds: at(Item, ", {"rim", "mars_gripper", "slot", "Place"}, {"probe_1", "open"}),
-        ("adds: position(drawer, open)", "adds: position(drawer, ", {"open", "locked"}, {"drawer", "rim", "slot"}),
-        ("adds: position(drawer, open)", "adds: position(", {"drawer", "flap"}, {"open", "probe_1"}),
+        ("adds: at(Item, "
+        "mars_gripper)", "adds: ", {"at", "heated"}, {"capacity", "accessible", "probe"}),
+        ("where: fits(Item, "
+        "Place)", "where: fi", {"fits", "accessible", "probe"}, {"at", "heated"}),
+        ("adds: at(Item, "
+        "mars_gripper)", "adds: "
+        "at(Item, ", {"rim", "mars_gripper", "slot", "Place"}, {"probe_1", "open"}),
+        ("adds: position(drawer, "
+        "open)", "adds: position(drawer, ", {"open", "locked"}, {"drawer", "rim", "slot"}),
+        ("adds: position(drawer, "
+        "open)", "adds: position(", {"drawer", "flap"}, {"open", "probe_1"}),
         ("    duration: 6 s\n", "    dur", {"duration", "cost"}, {"adds:", "domain", "free"}),
         ("resources: mars_gripper, drawer", "resources: mars", {"mars_gripper", "drawer"}, {"at"}),
         ("fits(item, place): {}", "fits(it", {"item", "place", "int"}, {"at"}),
         ("lid: item", "lid: it", {"item", "device"}, {"at", "rim"}),
-        ("command: {stream: arm(open_drawer), reply: done}", "command: {stream: arm(open_drawer), re", {"reply", "result"}, {"adds"}),
+        ("command: {stream: arm(open_drawer), reply: "
+        "done}", "command: {stream: arm(open_drawer), re", {"reply", "result"}, {"adds"}),
         ("units: {time: s}", "units: {time: ", {"s", "min", "h", "ms"}, {"at"}),
         ("goal: at(lid, stand)", "goal: at(lid, ", {"stand", "rim"}, {"probe_1"}),
     ],
@@ -56,7 +63,12 @@ def test_what_fits_is_offered_and_nothing_else(
 @pytest.mark.parametrize(
     ("old", "new", "with_", "without"),
     [
-        ("stages: heated(P, 15 min), cooled", "stages: heated(", {"probe_1", "P"}, {"rim", "drawer"}),
+        (
+            "stages: heated(P, 15 min), cooled",
+            "stages: heated(",
+            {"probe_1", "P"},
+            {"rim", "drawer"},
+        ),
         ("stages: heated(P, 15 min), cooled", "stages: ", {"heated", "stored"}, {"capacity"}),
         ("{P: [probe_1, probe_2]}", "{P: [probe_1, ", {"probe_2"}, {"at"}),
         ("workflow:", "wor", {"workflow", "goals"}, {"operators"}),
@@ -92,16 +104,26 @@ def test_nothing_is_offered_in_a_comment_or_a_text(themse: NameIndex) -> None:
 
 
 def test_a_place_is_known_from_the_lines_above_it() -> None:
-    text = "problem: p\ndomain: d\nworkflow:\n- for: {P: [a]}\n  stages: heated(P,\n    15 min), sto"
+    text = (
+        "problem: p\ndomain: d\nworkflow:\n- for: {P: [a]}\n  stages: heated(P,\n    15 min), sto"
+    )
     found = context_at(text, len(text))
-    assert (found.path, found.written, found.key) == (("workflow", 0, "stages"), "15 min), sto", False)
+    assert (found.path, found.written, found.key) == (
+        ("workflow", 0, "stages"),
+        "15 min), sto",
+        False,
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "where", "said"),
     [
         ("domain.yaml", "at(item, place)", ["at(item, place)", "fluent of weight 3", "read"]),
-        ("domain.yaml", "own_depot(probe", ["static", "given by a problem; else the slot of the drawer"]),
+        (
+            "domain.yaml",
+            "own_depot(probe",
+            ["static", "given by a problem; else the slot of the drawer"],
+        ),
         ("domain.yaml", "preconditions: free", ["what must hold while the step lasts"]),
         ("domain.yaml", "probe: item", ["type", "`probe_1`"]),
         (
@@ -117,7 +139,9 @@ def test_a_place_is_known_from_the_lines_above_it() -> None:
 )
 def test_a_name_is_described(themse: NameIndex, name: str, where: str, said: list[str]) -> None:
     file = next(file for path, file in themse.files.items() if path.endswith(name))
-    known = DomainKnowledge({"pick": "pick(lid, rim)"}, {"pick": {"Item": "item", "Place": "place"}})
+    known = DomainKnowledge(
+        {"pick": "pick(lid, rim)"}, {"pick": {"Item": "item", "Place": "place"}}
+    )
     found = describe_name(themse, file, file.text.index(where), known)
     assert found is not None
     for each in said:

@@ -1,4 +1,6 @@
-"""The index of names: where each is declared and used, across YAML and ASP, also in broken texts."""
+"""The index of names: where each is declared and used, across YAML and ASP, also in broken
+texts.
+"""
 
 import shutil
 from pathlib import Path
@@ -43,14 +45,21 @@ def themse() -> NameIndex:
 
 @pytest.mark.parametrize("name", DOMAINS)
 def test_the_index_declares_what_the_loader_declares(name: str) -> None:
-    domain, index = load(BUNDLED_DOMAINS / name / "domain.yaml").domain, index_of(BUNDLED_DOMAINS / name)
-    own = NameIndex({path: file for path, file in index.files.items() if file.kind in ("domain", "device")})
+    domain, index = (
+        load(BUNDLED_DOMAINS / name / "domain.yaml").domain,
+        index_of(BUNDLED_DOMAINS / name),
+    )
+    own = NameIndex(
+        {path: file for path, file in index.files.items() if file.kind in ("domain", "device")}
+    )
     assert {each.name for each in own.of_space("predicate")} == set(domain.predicates)
     assert {each.name for each in own.of_space("type")} == set(domain.types)
     assert {each.name for each in own.of_space("function")} == set(domain.functions)
     assert {each.name for each in own.of_space("object")} == set(domain.objects)
     assert {each.name: each.of for each in own.of_space("object")} == dict(domain.objects)
-    assert {each.name for each in own.of_space("operator")} == {each.name for each in domain.operators}
+    assert {each.name for each in own.of_space("operator")} == {
+        each.name for each in domain.operators
+    }
     for each in own.of_space("predicate"):
         if each.name not in domain.quantities:
             assert each.arguments == domain.predicates[each.name].arguments
@@ -121,7 +130,9 @@ def test_variables_of_two_rules_of_one_line_are_not_the_same() -> None:
         ("p(f(a), b) , q(", ["p", "q"], ["f", "a", "b"]),
     ],
 )
-def test_atoms_are_told_from_terms_by_their_place(text: str, atoms: list[str], terms: list[str]) -> None:
+def test_atoms_are_told_from_terms_by_their_place(
+    text: str, atoms: list[str], terms: list[str]
+) -> None:
     found = [each for each in mentions_in(text) if not each.variable]
     assert [each.name for each in found if each.atom] == atoms
     assert [each.name for each in found if not each.atom] == terms
@@ -132,7 +143,10 @@ def test_the_pieces_of_a_sound_file_hold_all_that_the_strict_reader_reads(name: 
     from cellwright.kb.files import File
     from cellwright.kb.loader.yaml_tree import read_tree
 
-    for path in [*(BUNDLED_DOMAINS / name).glob("*.yaml"), *(BUNDLED_DOMAINS / name).glob("problems/*.yaml")]:
+    for path in [
+        *(BUNDLED_DOMAINS / name).glob("*.yaml"),
+        *(BUNDLED_DOMAINS / name).glob("problems/*.yaml"),
+    ]:
         text, found = path.read_text(), dict[str, object]()
         root, _ = read_tree(File.of(str(path), text))
         for piece in split_pieces(text):
@@ -164,7 +178,12 @@ def test_an_unfinished_line_spoils_no_other_entry() -> None:
 
 def test_a_range_declares_each_of_its_names() -> None:
     file = FileIndex.of("domain.yaml", "domain: d\nobjects:\n  probe: [probe_08..11]\n")
-    assert [each.name for each in file.declared()] == ["probe_08", "probe_09", "probe_10", "probe_11"]
+    assert [each.name for each in file.declared()] == [
+        "probe_08",
+        "probe_09",
+        "probe_10",
+        "probe_11",
+    ]
 
 
 def test_what_was_read_of_a_piece_moves_with_it(tmp_path: Path) -> None:
@@ -176,7 +195,17 @@ def test_what_was_read_of_a_piece_moves_with_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "\n", "# only a comment\n", "objects:\n", "  - x\n", "objects:\n\n# end\ntypes:", "-", ":"]
+    "text",
+    [
+        "",
+        "\n",
+        "# only a comment\n",
+        "objects:\n",
+        "  - x\n",
+        "objects:\n\n# end\ntypes:",
+        "-",
+        ":",
+    ],
 )
 def test_a_text_with_little_in_it_has_pieces(text: str) -> None:
     assert "".join(each.text for each in split_pieces(text)) in text

@@ -1,4 +1,6 @@
-"""The names that a domain has from devices: where they stand in the files of devices, also while the domain is broken."""
+"""The names that a domain has from devices: where they stand in the files of devices, also
+while the domain is broken.
+"""
 
 from pathlib import Path
 
@@ -49,7 +51,9 @@ def test_all_names_of_a_cell_of_devices_are_known(tmp_path: Path) -> None:
     (tmp_path / "domain.yaml").write_text(DOMAIN)
     domain, (index, _) = load(tmp_path / "domain.yaml").domain, index_of(tmp_path)
     assert {each.name for each in index.of_space("predicate")} == set(domain.predicates)
-    assert {each.name for each in index.of_space("operator")} == {each.name for each in domain.operators}
+    assert {each.name for each in index.of_space("operator")} == {
+        each.name for each in domain.operators
+    }
     assert {each.name for each in index.of_space("object")} == set(domain.objects)
 
 
@@ -58,7 +62,10 @@ def test_a_name_of_a_device_stands_where_its_parameter_is_written(tmp_path: Path
     for use, name in (("furnace", "heat"), ("oven", "oven_heat")):
         ((file, place),) = index.definitions(Symbol("operator", name))
         assert isinstance(file, DeviceIndex)
-        assert (file.path, file.use) == (str(BUNDLED_DOMAINS / "devices" / "furnace" / "device.yaml"), use)
+        assert (file.path, file.use) == (
+            str(BUNDLED_DOMAINS / "devices" / "furnace" / "device.yaml"),
+            use,
+        )
         assert file.text[place.start : place.end] == "$heat"
     for file in index.files.values():
         for _, each in file.occurrences():

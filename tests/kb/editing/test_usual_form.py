@@ -11,7 +11,12 @@ from hypothesis import strategies as st
 from cellwright.kb.asp.statements import statement_texts
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.editing.expression_tokens import tokens_of
-from cellwright.kb.editing.file_layout import format_file, same_but_for_spaces, space_expression, spaced_rules
+from cellwright.kb.editing.file_layout import (
+    format_file,
+    same_but_for_spaces,
+    space_expression,
+    spaced_rules,
+)
 from cellwright.kb.files import read_unsaved
 from cellwright.kb.loader import load, problem_files
 from cellwright.kb.targets import BUNDLED_DOMAINS
@@ -30,7 +35,9 @@ def test_the_files_that_we_ship_have_it(path: Path) -> None:
 
 
 def mangled(text: str, chance: random.Random) -> str:
-    """A YAML text with other spaces: deeper levels, blanks at ends of lines, blank lines, spaces in brackets."""
+    """A YAML text with other spaces: deeper levels, blanks at ends of lines, blank lines,
+    spaces in brackets.
+    """
     lines = []
     deeper = chance.choice([1, 2])
     for line in text.splitlines():
@@ -52,7 +59,9 @@ def mangled(text: str, chance: random.Random) -> str:
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", ["themse", "bulkhead", "centrifuge", "handey"])
-def test_a_domain_in_another_form_means_the_same_and_gets_the_usual_one(name: str, seed: int) -> None:
+def test_a_domain_in_another_form_means_the_same_and_gets_the_usual_one(
+    name: str, seed: int
+) -> None:
     path = BUNDLED_DOMAINS / name / "domain.yaml"
     text = path.read_text()
     other = mangled(text, random.Random(seed))
@@ -76,7 +85,9 @@ def comments(text: str) -> list[str]:
 @pytest.mark.parametrize("name", ["themse", "bulkhead", "centrifuge"])
 def test_a_formatted_domain_is_the_same_model(name: str) -> None:
     path = BUNDLED_DOMAINS / name / "domain.yaml"
-    texts = {str(each): format_file(str(each), each.read_text()) for each in [path, *problem_files(path)]}
+    texts = {
+        str(each): format_file(str(each), each.read_text()) for each in [path, *problem_files(path)]
+    }
     with read_unsaved(texts):
         again = [load(path).domain, *(load(each).problem for each in problem_files(path))]
     assert again == [load(path).domain, *(load(each).problem for each in problem_files(path))]
@@ -134,16 +145,22 @@ def test_an_example() -> None:
 
 
 def test_rules_get_their_spaces_and_keep_their_columns() -> None:
-    text = "p( X,Y ):-q(X) ,not r( Y ).  % why\n\n\n\nlong(X)   :- p(X,1..3),X!=2 ;  s.\n%* a\n  b *%\nf(a).  f(b)."
+    text = (
+        "p( X,Y ):-q(X) ,not r( Y ).  % why\n\n\n\nlong(X)   :- p(X,1..3),X!=2 ;  s.\n%* a\n  b "
+        "*%\nf(a).  f(b)."
+    )
     made = spaced_rules(text)
     assert made == (
-        "p(X, Y) :- q(X), not r(Y).  % why\n\nlong(X)   :- p(X, 1..3), X != 2;  s.\n%* a\n  b *%\nf(a).  f(b).\n"
+        "p(X, Y) :- q(X), not r(Y).  % why\n\nlong(X)   :- p(X, 1..3), X != 2;  s.\n%* a\n  b "
+        "*%\nf(a).  f(b).\n"
     )
     assert statement_texts(made) == statement_texts(text)
     assert spaced_rules(made) == made
 
 
-@pytest.mark.parametrize("text", ["operators: [", "domain: d\n\tx: y\n", "a: b\na: c\n", "x: &a b\n"])
+@pytest.mark.parametrize(
+    "text", ["operators: [", "domain: d\n\tx: y\n", "a: b\na: c\n", "x: &a b\n"]
+)
 def test_a_broken_text_is_refused(text: str) -> None:
     with pytest.raises(InvalidInput):
         format_file("domain.yaml", text)
@@ -155,7 +172,8 @@ def test_broken_rules_are_refused() -> None:
 
 
 PARTS = st.sampled_from(
-    ["at", "Item", "(", ")", ",", ";", " ", "  ", "not ", "=", "!=", "1", "..", "+", "-", '"a b"', "#count", "{", "}", ":", "|", "&", "_"]
+    ["at", "Item", "(", ")", ",", ";", " ", " "
+    " ", "not ", "=", "!=", "1", "..", "+", "-", '"a b"', "#count", "{", "}", ":", "|", "&", "_"]
 )  # fmt: skip
 
 
@@ -176,9 +194,13 @@ def test_spaces_never_change_the_tokens_of_rules(text: str) -> None:
 
 
 def test_a_device_may_be_filled_in_inside_brackets_of_yaml() -> None:
-    written = "device: x\nobjects: {unit:   ${prefix}arm}\noperators:\n   $go(P):  {adds: 'at(P,${prefix}b)', cost: ${time}}\n"
+    written = (
+        "device: x\nobjects: {unit:   ${prefix}arm}\noperators:\n   $go(P):  {adds: "
+        "'at(P,${prefix}b)', cost: ${time}}\n"
+    )
     assert format_file("device.yaml", written) == (
-        "device: x\nobjects: {unit:   ${prefix}arm}\noperators:\n  $go(P):  {adds: 'at(P, ${prefix}b)', cost: ${time}}\n"
+        "device: x\nobjects: {unit:   ${prefix}arm}\noperators:\n  $go(P):  {adds: 'at(P, "
+        "${prefix}b)', cost: ${time}}\n"
     )
     with pytest.raises(InvalidInput, match="K002"):
         format_file("device.yaml", "device: x\nobjects: {unit: ${prefix}arm\n")
@@ -186,7 +208,8 @@ def test_a_device_may_be_filled_in_inside_brackets_of_yaml() -> None:
 
 def test_rules_of_a_device_keep_what_is_filled_in() -> None:
     text = (
-        "usual_capacity($name,$capacity).\naccessible(D):-part_of(D,${prefix}clamp),D!=$name .  % as it is\n"
+        "usual_capacity($name,$capacity).\naccessible(D):-part_of(D,${prefix}clamp),D!=$name .  "
+        "% as it is\n"
     )
     made = format_file("devices/shaker/rules.lp", text)
     assert made.splitlines() == [

@@ -1,4 +1,6 @@
-"""Devices in a domain: parameters, own names, ports, errors in the right file, and two of one device."""
+"""Devices in a domain: parameters, own names, ports, errors in the right file, and two of one
+device.
+"""
 
 from pathlib import Path
 
@@ -78,7 +80,10 @@ def test_a_device_brings_its_operators_and_takes_its_parameters(tmp_path: Path) 
 
 
 def test_two_of_one_device_have_names_and_faults_of_their_own(tmp_path: Path) -> None:
-    use = "  gripper: {}\n  shaker: {lasts: 90 s}\n  mixer: {device: shaker, lasts: 5 s, capacity: 3}\n"
+    use = (
+        "  gripper: {}\n  shaker: {lasts: 90 s}\n  mixer: {device: shaker, lasts: 5 s, "
+        "capacity: 3}\n"
+    )
     path = cell(tmp_path, use)
     domain = load(path).domain
     names = {each.name for each in domain.operators}
@@ -98,9 +103,14 @@ def test_costs_of_faults_are_seconds_in_any_cell(tmp_path: Path) -> None:
 
 
 def test_an_own_name_can_be_given(tmp_path: Path) -> None:
-    use = "  gripper: {}\n  shaker: {lasts: 1 s}\n  mixer: {device: shaker, lasts: 5 s, shaken: shaken}\n"
+    use = (
+        "  gripper: {}\n  shaker: {lasts: 1 s}\n  mixer: {device: shaker, lasts: 5 s, shaken: "
+        "shaken}\n"
+    )
     domain = load(cell(tmp_path, use)).domain
-    adders = {e.name for e in domain.operators if any("shaken" in str(effect) for effect in e.effects)}
+    adders = {
+        e.name for e in domain.operators if any("shaken" in str(effect) for effect in e.effects)
+    }
     assert adders == {"shake", "mixer_shake"}
 
 
@@ -109,7 +119,11 @@ def test_an_own_name_can_be_given(tmp_path: Path) -> None:
     [
         ("  gripper: {}\n  shaker: {}\n", "K005", "lacks the parameter 'lasts'"),
         ("  shaker: {lasts: 1 s}\n", "K405", "no device offers one"),
-        ("  gripper: {}\n  left: {device: gripper}\n  shaker: {lasts: 1 s}\n", "K405", "gripper and left"),
+        (
+            "  gripper: {}\n  left: {device: gripper}\n  shaker: {lasts: 1 s}\n",
+            "K405",
+            "gripper and left",
+        ),
         ("  gripper: {}\n  shaker: {last: 1 s}\n", "K101", "unknown parameter of shaker 'last'"),
         ("  gripper: {}\n  shakr: {}\n", "K101", "unknown device 'shakr'"),
         ("  gripper: {}\n  shaker: {lasts: '1 s #'}\n", "K005", "no value of a parameter"),
@@ -136,7 +150,10 @@ def test_an_error_in_a_device_is_told_there_with_its_use(tmp_path: Path) -> None
     found = refused(cell(tmp_path, "  gripper: {}\n  shaker: {lasts: 1 s}\n", shaker=wrong))
     assert found.where.path.endswith("devices/shaker/device.yaml")
     line = next(n for n, each in enumerate(wrong.split("\n"), 1) if "att(" in each)
-    assert (found.where.line, found.where.column) == (line, wrong.split("\n")[line - 1].index("att(") + 1)
+    assert (found.where.line, found.where.column) == (
+        line,
+        wrong.split("\n")[line - 1].index("att(") + 1,
+    )
     assert found.where.used is not None
     assert (found.where.used.path, found.where.used.line) == (str(tmp_path / "domain.yaml"), 4)
     assert f"used: {tmp_path / 'domain.yaml'}:4:3" in str(found)
@@ -160,10 +177,13 @@ def test_two_parts_that_contradict_each_other_are_refused(tmp_path: Path) -> Non
 
 
 def test_operators_can_be_left_out(tmp_path: Path) -> None:
-    domain = load(cell(tmp_path, "  gripper: {}\n  shaker: {lasts: 1 s}\n", "without: [sense]\n")).domain
+    domain = load(
+        cell(tmp_path, "  gripper: {}\n  shaker: {lasts: 1 s}\n", "without: [sense]\n")
+    ).domain
     assert "sense" not in {each.name for each in domain.operators}
     assert (
-        refused(cell(tmp_path, "  gripper: {}\n", "without: [sens]\n")).message == "unknown operator 'sens'"
+        refused(cell(tmp_path, "  gripper: {}\n", "without: [sens]\n")).message
+        == "unknown operator 'sens'"
     )
 
 
@@ -200,7 +220,9 @@ def test_every_device_of_the_engine_has_a_head_that_says_what_it_is(tmp_path: Pa
     assert all(each.about and each.name == each.folder.name for each in devices)
 
 
-VALUES = st.dictionaries(st.sampled_from(["a", "bc", "name"]), st.text("xyz_ 0,", max_size=6), min_size=1)
+VALUES = st.dictionaries(
+    st.sampled_from(["a", "bc", "name"]), st.text("xyz_ 0,", max_size=6), min_size=1
+)
 
 
 @given(
@@ -210,7 +232,10 @@ VALUES = st.dictionaries(st.sampled_from(["a", "bc", "name"]), st.text("xyz_ 0,"
 def test_each_place_of_a_filled_text_is_that_of_what_was_written(
     values: dict[str, str], parts: list[tuple[str, str]]
 ) -> None:
-    text = "".join(plain + (f"${{{name}}}" if name in values else "-") for plain, name in parts) + "end"
+    text = (
+        "".join(plain + (f"${{{name}}}" if name in values else "-") for plain, name in parts)
+        + "end"
+    )
     file = fill_file(File.of("f", text), tuple(values.items()), Source("domain.yaml", 1, 1))
     expected, places, at = "", [], 0
     for plain, name in parts:  # slow and plain: each character with the place that it comes from

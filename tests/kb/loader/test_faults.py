@@ -1,4 +1,6 @@
-"""Fault bases: what is read from them, what is refused, and that both bundled ones hold together."""
+"""Fault bases: what is read from them, what is refused, and that both bundled ones hold
+together.
+"""
 
 import math
 from pathlib import Path
@@ -56,7 +58,12 @@ def test_a_fault_base_is_read(tmp_path: Path) -> None:
 
 def test_what_has_no_duration_takes_what_it_costs(tmp_path: Path) -> None:
     model = load(tmp_path, FAULTS)
-    assert [model.duration(name) for name in ("look", "shake", "refill", "question")] == [5, 4, 60, 0]
+    assert [model.duration(name) for name in ("look", "shake", "refill", "question")] == [
+        5,
+        4,
+        60,
+        0,
+    ]
 
 
 def test_what_probabilities_leave_goes_to_the_usual_outcome(tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
-"""What a cell says of a laser ranging tool is read, and what cannot be is refused with its place and with advice."""
+"""What a cell says of a laser ranging tool is read, and what cannot be is refused with its
+place and with advice.
+"""
 
 import math
 from pathlib import Path
@@ -10,7 +12,8 @@ from cellwright.kb.loader.cell import load_cell
 from cellwright.kb.model.cell_model import Ranging
 
 SAID = {
-    "eye": "laser", "pixels": "[64, 48]", "view": "34 deg", "wavelength": "0.3 m", "noise": "0.05 mm", "at": "0.5 m",
+    "eye": "laser", "pixels": "[64, "
+    "48]", "view": "34 deg", "wavelength": "0.3 m", "noise": "0.05 mm", "at": "0.5 m",
     "beam": "0.0024 rad", "pointing": "0.0001 rad", "grazing": "75 deg", "dropouts": "0.002",
 }  # fmt: skip
 
@@ -19,8 +22,10 @@ def cell_with(said: dict[str, str], folder: Path) -> Path:
     told = "".join(f"      {key}: {value}\n" for key, value in said.items())
     path = folder / "cell.yaml"
     path.write_text(
-        "cell: bench\nfixtures:\n  stand: {shapes: [{box: [0.1, 0.1, 0.1]}]}\ntools:\n  scanner:\n    in: stand\n"
-        "    shapes: [{box: [0.1, 0.1, 0.1]}]\n    features: {tip: {at: [0, 0, 0.1]}, laser: {at: [0, 0, 0.05]}}\n"
+        "cell: bench\nfixtures:\n  stand: {shapes: [{box: [0.1, 0.1, 0.1]}]}\ntools:\n  "
+        "scanner:\n    in: stand\n"
+        "    shapes: [{box: [0.1, 0.1, 0.1]}]\n    features: {tip: {at: [0, 0, 0.1]}, laser: "
+        "{at: [0, 0, 0.05]}}\n"
         f"measuring:\n  scanner:\n    ranging:\n{told}"
     )
     return path
@@ -68,8 +73,10 @@ def test_what_no_laser_is_like_is_refused(key: str, value: str, hint: str, tmp_p
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("eye", "camera"), ("pixels", "[64]"), ("pixels", "[2, 48]"), ("pixels", "[64, 48, 3]"), ("pixels", "[64, 5000]"),
-        ("pixels", "[64.5, 48]"), ("view", "34 mm"), ("wavelength", "0.3 deg"), ("noise", "much"), ("noise", ".nan"),
+        ("eye", "camera"), ("pixels", "[64]"), ("pixels", "[2, "
+        "48]"), ("pixels", "[64, 48, 3]"), ("pixels", "[64, 5000]"),
+        ("pixels", "[64.5, "
+        "48]"), ("view", "34 mm"), ("wavelength", "0.3 deg"), ("noise", "much"), ("noise", ".nan"),
         ("noise", "1e400"), ("dropouts", "2 mm"), ("colour", "red"), ("at", "null"),
     ],
 )  # fmt: skip

@@ -24,7 +24,11 @@ places:
 def test_two_places_are_read(tmp_path: Path) -> None:
     cell = written(tmp_path, "operations:\n  lift(Item): {at: here, with: there, carries: Item}\n")
     (operation,) = cell.operations
-    assert (str(operation.at), str(operation.with_place), str(operation.carries)) == ("here", "there", "Item")
+    assert (str(operation.at), str(operation.with_place), str(operation.carries)) == (
+        "here",
+        "there",
+        "Item",
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""The decision rule: guard bands, narrow zones, and that no more decisions are wrong than the risk allows."""
+"""The decision rule: guard bands, narrow zones, and that no more decisions are wrong than the
+risk allows.
+"""
 
 import random
 
@@ -6,7 +8,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from cellwright.kb.model.measured_results import COVERAGE_FACTOR, Conformity, check_conformity, share_within
+from cellwright.kb.model.measured_results import (
+    COVERAGE_FACTOR,
+    Conformity,
+    check_conformity,
+    share_within,
+)
 
 NUMBERS = st.floats(-1e3, 1e3)
 SIGMAS = st.floats(1e-2, 1e2)

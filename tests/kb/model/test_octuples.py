@@ -15,17 +15,33 @@ from cellwright.kb.model.contact_model import (
 
 CLASSES = ("MARS_gripper", "THEMSE_drawer", "THEMSE_furnace", "probe")
 APPENDIX = {
-    "MARS_gripper:O1.grip_source:grip-*:void.grip-target:void": "MARS_gripper:O1.grip_source:grip - *:void.grip_target:void",
-    "THEMSE_furnace:O1.probe_depot:depot-*:void.probe_base:void": "THEMSE_furnace:O1.probe_depot:depot - *:void.probe_base:void",
-    "THEMSE_drawer:O1.probe_depot:A2probe:O2.probe_base:base": "THEMSE_drawer:O1.probe_depot:A2 - probe:O2.probe_base:base",
-    "probe:O2.grip_target:grip*:void.grip_source:void": "probe:O2.grip_target:grip - *:void.grip_source:void",
-    "THEMSE_drawer:O1.grip_target:grip-MARS_gripper:O6.grip_source:grip": "THEMSE_drawer:O1.grip_target:grip - MARS_gripper:O6.grip_source:grip",
-    "THEMSE_drawer:O1.probe_depot:A1probe:O2.probe_base.base": "THEMSE_drawer:O1.probe_depot:A1 - probe:O2.probe_base:base",
-    "MARS_gripper:O6.grip_source:A5probe:O2.grip_target.grip": "MARS_gripper:O6.grip_source:A5 - probe:O2.grip_target:grip",
-    "MARS_gripper:O1.grip_source:A1probe:O2.grip_target.A2": "MARS_gripper:O1.grip_source:A1 - probe:O2.grip_target:A2",
-    "MARS_gripper:O1.grip_source:gripprobe:O2.grip_target.grip": "MARS_gripper:O1.grip_source:grip - probe:O2.grip_target:grip",
-    "THEMSE_furnace:O3.probe_depot.depotprobe:O2.probe_base.base": "THEMSE_furnace:O3.probe_depot:depot - probe:O2.probe_base:base",
-    "THEMSE_furnace:O1.probe_depot.A1probe:O2.probe_base.A2": "THEMSE_furnace:O1.probe_depot:A1 - probe:O2.probe_base:A2",
+    "MARS_gripper:O1.grip_source:grip-*:void.grip-target:void": "MARS_gripper:O1.grip_source:grip "
+    "- "
+    "*:void.grip_target:void",
+    "THEMSE_furnace:O1.probe_depot:depot-*:void.probe_base:void": "THEMSE_furnace:O1.probe_depot:depot "
+    "- "
+    "*:void.probe_base:void",
+    "THEMSE_drawer:O1.probe_depot:A2probe:O2.probe_base:base": "THEMSE_drawer:O1.probe_depot:A2 - "
+    "probe:O2.probe_base:base",
+    "probe:O2.grip_target:grip*:void.grip_source:void": "probe:O2.grip_target:grip - "
+    "*:void.grip_source:void",
+    "THEMSE_drawer:O1.grip_target:grip-MARS_gripper:O6.grip_source:grip": "THEMSE_drawer:O1.grip_target:grip "
+    "- "
+    "MARS_gripper:O6.grip_source:grip",
+    "THEMSE_drawer:O1.probe_depot:A1probe:O2.probe_base.base": "THEMSE_drawer:O1.probe_depot:A1 - "
+    "probe:O2.probe_base:base",
+    "MARS_gripper:O6.grip_source:A5probe:O2.grip_target.grip": "MARS_gripper:O6.grip_source:A5 - "
+    "probe:O2.grip_target:grip",
+    "MARS_gripper:O1.grip_source:A1probe:O2.grip_target.A2": "MARS_gripper:O1.grip_source:A1 - "
+    "probe:O2.grip_target:A2",
+    "MARS_gripper:O1.grip_source:gripprobe:O2.grip_target.grip": "MARS_gripper:O1.grip_source:grip "
+    "- "
+    "probe:O2.grip_target:grip",
+    "THEMSE_furnace:O3.probe_depot.depotprobe:O2.probe_base.base": "THEMSE_furnace:O3.probe_depot:depot "
+    "- "
+    "probe:O2.probe_base:base",
+    "THEMSE_furnace:O1.probe_depot.A1probe:O2.probe_base.A2": "THEMSE_furnace:O1.probe_depot:A1 - "
+    "probe:O2.probe_base:A2",
 }
 
 
@@ -56,7 +72,15 @@ def test_the_normal_form_is_read_as_it_was_written(first: Quadruple, second: Qua
 
 
 @pytest.mark.parametrize(
-    "wrong", ["", "a:b.c:d", "a:b.c:d - e:f.g", "a:b.c:d - e:f.g:h.i", "a:b.c:d e:f.g:h", "a:b.c:1 - e:f.g:h"]
+    "wrong",
+    [
+        "",
+        "a:b.c:d",
+        "a:b.c:d - e:f.g",
+        "a:b.c:d - e:f.g:h.i",
+        "a:b.c:d e:f.g:h",
+        "a:b.c:1 - e:f.g:h",
+    ],
 )
 def test_other_texts_are_no_octuples(wrong: str) -> None:
     with pytest.raises(NotAnOctuple):
@@ -76,9 +100,13 @@ def test_the_same_variable_is_the_same_object() -> None:
     template = Quadruple("probe", "P", "base", "*")
     bound = match_quadruple(template, Quadruple("probe", "p1", "base", "b"), ["probe"])
     assert bound == {"P": "p1"}
-    assert match_quadruple(template, Quadruple("probe", "p2", "base", "b"), ["probe"], bound) is None
     assert (
-        match_quadruple(template, Quadruple("ni_probe", "p1", "base", "b"), ["ni_probe", "probe"], bound)
+        match_quadruple(template, Quadruple("probe", "p2", "base", "b"), ["probe"], bound) is None
+    )
+    assert (
+        match_quadruple(
+            template, Quadruple("ni_probe", "p1", "base", "b"), ["ni_probe", "probe"], bound
+        )
         == bound
     )
 

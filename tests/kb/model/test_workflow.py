@@ -1,4 +1,6 @@
-"""When a chain may advance, what reaches a stage, what must last; and that planner and checker mean the same."""
+"""When a chain may advance, what reaches a stage, what must last; and that planner and checker
+mean the same.
+"""
 
 from dataclasses import replace
 
@@ -32,7 +34,9 @@ CHAINS = (FIRST, SECOND)
 def domain(*operators: Operator) -> Domain:
     events = {name: Predicate(name, (), Kind.EVENT) for name in ("baked", "cooled")}
     return Domain(
-        "oven", predicates={**events, "shut": Predicate("shut", (), Kind.FLUENT)}, operators=operators
+        "oven",
+        predicates={**events, "shut": Predicate("shut", (), Kind.FLUENT)},
+        operators=operators,
     )
 
 
@@ -60,7 +64,11 @@ def test_an_event_serves_one_chain_and_an_atom_all_that_wait_for_it() -> None:
     shut, open_ = stage_holds(Listed([SHUT])), stage_holds(Listed())
     assert advance_chains(twins, none, (BAKED,), shut) == ({"one": 1, "other": 0, "third": 1}, ())
     both = (*twins, replace(twins[2], name="fourth"))
-    assert advance_chains(both, {**none, "fourth": 0}, (), shut)[0] == {**none, "third": 1, "fourth": 1}
+    assert advance_chains(both, {**none, "fourth": 0}, (), shut)[0] == {
+        **none,
+        "third": 1,
+        "fourth": 1,
+    }
     assert advance_chains(twins, none, (COOLED,), open_) == (none, (COOLED,))
 
 
@@ -69,14 +77,21 @@ def test_what_holds_already_is_reached_at_once_however_many_chains_wait_for_it()
     assert initial_progress(CHAINS, shut) == {"first": 0, "second": 0}
     assert initial_progress((SECOND,), shut) == {"second": 0}  # it waits for one that is not there
     assert initial_progress((replace(SECOND, after=()),), shut) == {"second": 1}
-    assert advance_chains(CHAINS, {"first": 1, "second": 0}, (COOLED,), shut)[0] == {"first": 2, "second": 1}
+    assert advance_chains(CHAINS, {"first": 1, "second": 0}, (COOLED,), shut)[0] == {
+        "first": 2,
+        "second": 1,
+    }
     last = Chain("third", (SHUT, SHUT), after=("second",))
     assert (
-        advance_chains((*CHAINS, last), {"first": 1, "second": 0, "third": 0}, (COOLED,), shut)[0]["third"]
+        advance_chains((*CHAINS, last), {"first": 1, "second": 0, "third": 0}, (COOLED,), shut)[0][
+            "third"
+        ]
         == 2
     )
     anything = Chain("some", (Function("at", (ANYTHING,)),))
-    assert initial_progress((anything,), stage_holds(Listed([Function("at", (SHUT,))]))) == {"some": 1}
+    assert initial_progress((anything,), stage_holds(Listed([Function("at", (SHUT,))]))) == {
+        "some": 1
+    }
     assert initial_progress((anything,), stage_holds(Listed([SHUT]))) == {"some": 0}
 
 
@@ -87,7 +102,9 @@ def test_the_last_fluent_of_a_subject_lasts_and_no_event_does() -> None:
 
 
 def test_a_step_moves_a_chain_by_one_stage_whoever_follows_it() -> None:
-    """Two events of one step come at one moment, so they are no two stages of one chain: planner and checker agree."""
+    """Two events of one step come at one moment, so they are no two stages of one chain:
+    planner and checker agree.
+    """
     both = Operator("bake_and_cool", (), ALWAYS_TRUE, (Effect(BAKED), Effect(COOLED)))
     problem = Problem("cake", domain(both), chains=(FIRST,), complete=True)
     plan = Plan((Step(StepId(1), Function("bake_and_cool")),))

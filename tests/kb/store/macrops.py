@@ -1,9 +1,18 @@
-"""MACROPs for the tests of stores: random ones, and small ones that differ in what they are told to."""
+"""MACROPs for the tests of stores: random ones, and small ones that differ in what they are
+told to.
+"""
 
 from hypothesis import strategies as st
 
 from cellwright.kb.model.conditions import Comparison, Literal, Parameter
-from cellwright.kb.model.plan_model import CausalLink, MacroChain, Macrop, MacroPart, MacroStep, StepId
+from cellwright.kb.model.plan_model import (
+    CausalLink,
+    MacroChain,
+    Macrop,
+    MacroPart,
+    MacroStep,
+    StepId,
+)
 from cellwright.kb.terms import Function, Number, Operation, Term, Text, Variable
 
 names = st.sampled_from(["at", "holding", "m1", "free", "x_2", "_where_ab12"])
@@ -26,7 +35,9 @@ terms: st.SearchStrategy[Term] = st.recursive(
 )
 atoms = st.builds(Function, names, st.lists(terms, max_size=3).map(tuple))
 literals = st.builds(Literal, atoms, st.booleans())
-comparisons = st.builds(Comparison, terms, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), terms)
+comparisons = st.builds(
+    Comparison, terms, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), terms
+)
 parts = st.one_of(literals, comparisons)
 ids = st.integers(1, 9).map(StepId)
 
@@ -52,12 +63,16 @@ macrops = st.builds(
     exclusions=tuples(st.lists(parts, max_size=2).map(tuple)),
     resources=tuples(terms),
     steps=st.lists(
-        st.builds(MacroStep, ids, atoms, tuples(ids), tuples(terms), terms, terms), min_size=1, max_size=3
+        st.builds(MacroStep, ids, atoms, tuples(ids), tuples(terms), terms, terms),
+        min_size=1,
+        max_size=3,
     ).map(tuple),
     links=tuples(st.builds(CausalLink, ids, atoms, ids)),
     chains=tuples(st.builds(MacroChain, terms, tuples(atoms), tuples(terms), st.none() | terms)),
     parts=tuples(st.builds(MacroPart, st.sampled_from(["heated", "measured"]), tuples(ids))),
-    depends=st.dictionaries(st.sampled_from(["operator move", "type arm"]), st.sampled_from(["a1", "b2"])),
+    depends=st.dictionaries(
+        st.sampled_from(["operator move", "type arm"]), st.sampled_from(["a1", "b2"])
+    ),
 )
 
 

@@ -23,15 +23,21 @@ def test_an_odd_address_is_refused(name: str) -> None:
     assert [each.code for each in refused.value.diagnostics] == ["K416"]
 
 
-@pytest.mark.parametrize("name", ["library.db", "~nobody_of_this_name/library.db", "sqlite:///library.db"])
+@pytest.mark.parametrize(
+    "name", ["library.db", "~nobody_of_this_name/library.db", "sqlite:///library.db"]
+)
 def test_files_are_taken(name: str) -> None:
     assert store_url(name).drivername == "sqlite"
 
 
-def test_a_connection_that_cannot_be_closed_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_connection_that_cannot_be_closed_prints_nothing(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     program = (
-        "import logging; from cellwright.kb.store.database import connect_engine; connect_engine('postgresql://me@nowhere/db');"
-        "logging.getLogger('sqlalchemy.pool.impl.QueuePool').error('Exception terminating connection')"
+        "import logging; from cellwright.kb.store.database import connect_engine; "
+        "connect_engine('postgresql://me@nowhere/db');"
+        "logging.getLogger('sqlalchemy.pool.impl.QueuePool').error('Exception terminating "
+        "connection')"
     )
     subprocess.run([sys.executable, "-c", program], check=True, cwd=Path(__file__).parents[3])
     assert capfd.readouterr() == ("", "")

@@ -1,4 +1,6 @@
-"""Whatever happens to the file of a library, each command that uses it answers, and never with a bug."""
+"""Whatever happens to the file of a library, each command that uses it answers, and never with
+a bug.
+"""
 
 import contextlib
 import json
@@ -99,8 +101,12 @@ def _misread(target: Path) -> Iterator[str]:
 
 
 @pytest.mark.slow
-def test_a_value_of_another_type_in_any_column_is_read_or_refused(sound: Path, tmp_path: Path) -> None:
-    """SQLite keeps any value in any column: what reads a library from Python meets them all, and knows none as a bug."""
+def test_a_value_of_another_type_in_any_column_is_read_or_refused(
+    sound: Path, tmp_path: Path
+) -> None:
+    """SQLite keeps any value in any column: what reads a library from Python meets them all,
+    and knows none as a bug.
+    """
     wrong = []
     file = Path(shutil.copy(sound, tmp_path / "library.db"))
     for table, column in [(each.name, own.name) for each in store_tables() for own in each.columns]:

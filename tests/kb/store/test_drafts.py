@@ -1,4 +1,6 @@
-"""Changes that wait in a draft are written with the note of their unit, all or none; a preparation killed at any commit leaves no other store."""
+"""Changes that wait in a draft are written with the note of their unit, all or none; a
+preparation killed at any commit leaves no other store.
+"""
 
 import os
 import signal
@@ -90,8 +92,20 @@ def test_a_crash_at_any_commit_leaves_the_store_of_an_undisturbed_preparation(
 
 def emptied_rows(target: str) -> None:
     """Remove what a library holds."""
-    with Library(target) as library, open_transaction(library._engine, target, writes=True) as connection:
-        for table in ("outlines", "usage", "utility", "trials", "macrops", "shared", "units", "sequences"):
+    with (
+        Library(target) as library,
+        open_transaction(library._engine, target, writes=True) as connection,
+    ):
+        for table in (
+            "outlines",
+            "usage",
+            "utility",
+            "trials",
+            "macrops",
+            "shared",
+            "units",
+            "sequences",
+        ):
             connection.exec_driver_sql(f"DELETE FROM {table}")
 
 
@@ -102,7 +116,9 @@ def test_a_killed_preparation_leaves_the_store_of_an_undisturbed_one(tmp_path: P
     Library(store).close()
     child = os.fork()
     if child == 0:
-        with at_commit(lambda number: os.kill(os.getpid(), signal.SIGKILL) if number == 2 else None):
+        with at_commit(
+            lambda number: os.kill(os.getpid(), signal.SIGKILL) if number == 2 else None
+        ):
             prepare_problems(paths, store, SearchLimits(100_000), crew_of(1))
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
@@ -116,7 +132,11 @@ def noted(draft: LibraryDraft) -> Callable[[], dict[str, Any]]:
 
 def test_a_draft_is_seen_by_its_owner_alone_until_it_is_written(target: str) -> None:
     record = Record(macrop("own"), "goals")
-    with Library(target) as library, LibraryDraft(target) as draft, UnitStore(target, "test") as ledger:
+    with (
+        Library(target) as library,
+        LibraryDraft(target) as draft,
+        UnitStore(target, "test") as ledger,
+    ):
         (number,) = draft.add([record])
         assert number is not None
         assert draft.add([record]) == [None]
@@ -125,7 +145,11 @@ def test_a_draft_is_seen_by_its_owner_alone_until_it_is_written(target: str) -> 
         draft.note_utilities({(number, "forward"): Utility(trials=1)})
         assert [each.uses for each in draft.serving(record.macrop.domain, "goals")] == [2]
         assert draft.trials("d", "s") == (1, 0)
-        assert (library.all(), library.trials("d", "s"), draft.settled(number)) == ([], (0, 0), None)
+        assert (library.all(), library.trials("d", "s"), draft.settled(number)) == (
+            [],
+            (0, 0),
+            None,
+        )
         assert ledger.settle("a", "k", draft, noted(draft))
         (stored,) = library.all()
         assert (stored.uses, stored.id) == (2, draft.settled(number))
@@ -144,7 +168,11 @@ def test_a_unit_that_two_have_carried_out_is_written_once(target: str) -> None:
 
 
 def test_what_another_has_stored_meanwhile_is_counted_for_it(target: str) -> None:
-    with Library(target) as library, LibraryDraft(target) as draft, UnitStore(target, "test") as ledger:
+    with (
+        Library(target) as library,
+        LibraryDraft(target) as draft,
+        UnitStore(target, "test") as ledger,
+    ):
         (own,) = draft.add([Record(macrop("own"), "goals")])
         assert own is not None
         draft.note_uses({own: Use(1, 0.0)})
@@ -158,7 +186,11 @@ def test_nothing_is_written_if_the_note_fails(target: str) -> None:
     def failing() -> dict[str, Any]:
         raise Crash
 
-    with Library(target) as library, LibraryDraft(target) as draft, UnitStore(target, "test") as ledger:
+    with (
+        Library(target) as library,
+        LibraryDraft(target) as draft,
+        UnitStore(target, "test") as ledger,
+    ):
         draft.add([Record(macrop("own"), "goals")])
         draft.note_trial("d", "s", success=True)
         with pytest.raises(Crash):

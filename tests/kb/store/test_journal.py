@@ -12,7 +12,8 @@ from cellwright.kb.store.journal import Journal, JournalFailure, JournalLine
 
 def lines(first: int, count: int) -> list[JournalLine]:
     return [
-        JournalLine(n, n * 10, "done", {"step": n, "adds": ["at(a, b)"]}) for n in range(first, first + count)
+        JournalLine(n, n * 10, "done", {"step": n, "adds": ["at(a, b)"]})
+        for n in range(first, first + count)
     ]
 
 
@@ -27,7 +28,9 @@ def test_lines_come_back_in_order_and_by_kind(tmp_path: Path) -> None:
         assert (journal.last("r"), journal.last("r", "done"), journal.last("other")) == (4, 3, 0)
 
 
-def test_a_number_that_is_taken_is_refused_and_nothing_of_its_group_is_there(tmp_path: Path) -> None:
+def test_a_number_that_is_taken_is_refused_and_nothing_of_its_group_is_there(
+    tmp_path: Path,
+) -> None:
     with Journal(str(tmp_path / "j.db")) as journal:
         journal.begin("r", "", {})
         journal.append("r", lines(1, 3))

@@ -47,10 +47,17 @@ def test_exactly_those_are_outdated_that_rest_on_a_changed_part(target: str) -> 
     now = {"operator move": "new", "operator pick": "same"}
     with Library(target) as library:
         library.add(
-            [record("a", move="old"), record("b", pick="same"), record("c", move="new", pick="other")]
+            [
+                record("a", move="old"),
+                record("b", pick="same"),
+                record("c", move="new", pick="other"),
+            ]
         )
         library.add([record("d", "themse", move="old")])
-        assert library.outdated("bulkhead", now.__getitem__) == {1: ("operator move",), 3: ("operator pick",)}
+        assert library.outdated("bulkhead", now.__getitem__) == {
+            1: ("operator move",),
+            3: ("operator pick",),
+        }
 
 
 def test_uses_add_up_to_seconds_saved(target: str) -> None:
@@ -72,7 +79,9 @@ def _write(target: str, names: list[str]) -> None:
             library.add([record(name, move="a")])
 
 
-def test_concurrent_writers_lose_nothing_and_keep_nothing_twice(target: str, processes: BaseContext) -> None:
+def test_concurrent_writers_lose_nothing_and_keep_nothing_twice(
+    target: str, processes: BaseContext
+) -> None:
     shared = [f"shared{n}" for n in range(20)]
     own = [[f"own{writer}_{n}" for n in range(20)] for writer in range(4)]
     writers = [processes.Process(target=_write, args=(target, [*names, *shared])) for names in own]
@@ -93,7 +102,9 @@ def _write_for_ever(target: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_killed_writer_leaves_whole_transactions(target: str, seed: int, processes: BaseContext) -> None:
+def test_a_killed_writer_leaves_whole_transactions(
+    target: str, seed: int, processes: BaseContext
+) -> None:
     writer = processes.Process(target=_write_for_ever, args=(target, seed))
     writer.start()
     Library(target).close()
@@ -128,8 +139,12 @@ def test_a_library_of_the_first_schema_is_brought_up_to_date(target: str) -> Non
 
         text = dumps(macrop("go"))
         old = dict(domain="bulkhead", signature="go/0", name="go", steps=1, document=text)
-        connection.execute(tables.macrops.insert().values(fingerprint=tables.text_fingerprint(text), **old))
-        connection.execute(tables.dependencies.insert().values(macrop=1, part="operator move", digest="a"))
+        connection.execute(
+            tables.macrops.insert().values(fingerprint=tables.text_fingerprint(text), **old)
+        )
+        connection.execute(
+            tables.dependencies.insert().values(macrop=1, part="operator move", digest="a")
+        )
     engine.dispose()
     with Library(target) as library:
         assert [str(each.macrop.name) for each in library.all()] == ["go"]
@@ -198,7 +213,9 @@ def test_a_connection_that_ended_while_nobody_used_it_is_replaced(postgres: str)
         assert library.figures().uses == 2
 
 
-def test_the_server_is_asked_once_for_a_macrop_and_once_for_each_count(postgres: str, tmp_path: Path) -> None:
+def test_the_server_is_asked_once_for_a_macrop_and_once_for_each_count(
+    postgres: str, tmp_path: Path
+) -> None:
     emptied(postgres)
     with Library(postgres) as library:
         library.add([record("go")])
@@ -211,6 +228,8 @@ def test_the_server_is_asked_once_for_a_macrop_and_once_for_each_count(postgres:
             library.note_trial("bulkhead", "go/0", True)
             raw.pgconn.untrace()
     asked = [
-        line for line in (tmp_path / "trace").read_text().splitlines() if re.search(r"\t(Query|Sync)", line)
+        line
+        for line in (tmp_path / "trace").read_text().splitlines()
+        if re.search(r"\t(Query|Sync)", line)
     ]
     assert len(asked) == 3

@@ -1,4 +1,6 @@
-"""Power is lost at any moment, and disks are full: what was promised to be kept is there, and answers are given."""
+"""Power is lost at any moment, and disks are full: what was promised to be kept is there, and
+answers are given.
+"""
 
 import json
 import os
@@ -44,7 +46,9 @@ def disk(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The library that is preloaded."""
     made = tmp_path_factory.mktemp("disk") / "disk.so"
     source = Path(__file__).with_name("disk.c")
-    subprocess.run([str(COMPILER), "-shared", "-fPIC", "-O1", "-o", made, source, "-ldl"], check=True)
+    subprocess.run(
+        [str(COMPILER), "-shared", "-fPIC", "-O1", "-o", made, source, "-ldl"], check=True
+    )
     return str(made)
 
 
@@ -84,7 +88,9 @@ def after_power_loss(happened: list[Note], chance: random.Random) -> dict[str, b
 
 
 @pytest.mark.slow
-def test_what_was_acknowledged_survives_a_loss_of_power_at_any_moment(disk: str, tmp_path: Path) -> None:
+def test_what_was_acknowledged_survives_a_loss_of_power_at_any_moment(
+    disk: str, tmp_path: Path
+) -> None:
     folder, log = tmp_path / "watched", tmp_path / "log"
     folder.mkdir()
     settings = {**os.environ, "LD_PRELOAD": disk, "DISK_FOLDER": str(folder), "DISK_LOG": str(log)}
@@ -93,7 +99,10 @@ def test_what_was_acknowledged_survives_a_loss_of_power_at_any_moment(disk: str,
     chance, again = random.Random(3), tmp_path / "again"
     acks = [at for at, (_, name, _, _) in enumerate(happened) if name == "acks"]
     assert len(acks) == 12
-    for moment in [*(at + 1 for at in acks), *(chance.randrange(acks[0], len(happened)) for _ in range(12))]:
+    for moment in [
+        *(at + 1 for at in acks),
+        *(chance.randrange(acks[0], len(happened)) for _ in range(12)),
+    ]:
         shutil.rmtree(again, ignore_errors=True)
         again.mkdir()
         for name, data in after_power_loss(happened[:moment], chance).items():
@@ -124,9 +133,16 @@ def test_a_full_disk_does_not_take_the_answer_with_it(disk: str, tmp_path: Path,
         "json",
     ]
     subprocess.run(
-        [sys.executable, *words[:2], "macros", "list", *words[-4:-2]], check=True, capture_output=True
+        [sys.executable, *words[:2], "macros", "list", *words[-4:-2]],
+        check=True,
+        capture_output=True,
     )
-    settings = {**os.environ, "LD_PRELOAD": disk, "DISK_FOLDER": str(folder), "DISK_ROOM": str(room)}
+    settings = {
+        **os.environ,
+        "LD_PRELOAD": disk,
+        "DISK_FOLDER": str(folder),
+        "DISK_ROOM": str(room),
+    }
     told = subprocess.run([sys.executable, *words], capture_output=True, env=settings, check=False)
     answer = json.loads(told.stdout)
     assert (told.returncode, bool(answer["data"]["plan"]["steps"])) == (0, True)
@@ -143,7 +159,9 @@ def test_an_answer_is_given_beside_a_library_that_cannot_be_opened(tmp_path: Pat
         Library(str(tmp_path))
 
 
-def test_a_mistake_in_the_name_of_a_library_is_told_before_an_answer_is_sought(tmp_path: Path) -> None:
+def test_a_mistake_in_the_name_of_a_library_is_told_before_an_answer_is_sought(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "notes").write_text("no database, " * 100)
     for name in ("notes", "missing/library.db"):
         with pytest.raises(InvalidInput):

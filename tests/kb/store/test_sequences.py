@@ -16,7 +16,10 @@ PLAN = SequencePlan(
     "bulkhead",
     "plate",
     done=(PlannedVisit("a", "slra", (0.1, 0.2, 0.30000000000000004)),),
-    rest=(PlannedVisit("b", "us_probe", (1e-6, 0.0, -0.5)), PlannedVisit("c", "us_probe", (1.0, 2.0, 3.0))),
+    rest=(
+        PlannedVisit("b", "us_probe", (1e-6, 0.0, -0.5)),
+        PlannedVisit("c", "us_probe", (1.0, 2.0, 3.0)),
+    ),
     lost=("slra",),
     bad={"d": "rust, 'dirt' and \"grime\""},
     impossible={"e": "zu breit für die Bohrung"},

@@ -13,13 +13,23 @@ from cellwright.kb.store.case_store import Cases, ClosedCase
 from cellwright.kb.store.database import connect_engine, open_transaction
 from cellwright.kb.store.inspection_store import PlannedVisit, PoseStore, SequencePlan, Sequences
 from cellwright.kb.store.journal import Journal, JournalLine, lines
-from cellwright.kb.store.store_maintenance import check_library, migrate_library, restore_backup, write_backup
+from cellwright.kb.store.store_maintenance import (
+    check_library,
+    migrate_library,
+    restore_backup,
+    write_backup,
+)
 from cellwright.kb.store.table_schema import macrops, outlines, shared
 
 
 def fill(target: str) -> None:
     with Library(target) as library:
-        library.add([Record(macrop("go"), "go/0", 1.0, (("goal\ngo", 1),)), Record(macrop("stay"), "stay/0")])
+        library.add(
+            [
+                Record(macrop("go"), "go/0", 1.0, (("goal\ngo", 1),)),
+                Record(macrop("stay"), "stay/0"),
+            ]
+        )
         library.forget([1])
         library.add([Record(macrop("back"), "back/0", 1.0, (("goal\ngo", 2),))])
         library.note_uses({2: Use(3, 0.5)})
@@ -30,7 +40,11 @@ def fill(target: str) -> None:
     with Journal(target) as journal:
         journal.begin("r", "2026-11-22", {"target": "x"})
         journal.append(
-            "r", [JournalLine(1, 0, "phase", {"phase": "ready"}), JournalLine(2, 5, "done", {"step": 1})]
+            "r",
+            [
+                JournalLine(1, 0, "phase", {"phase": "ready"}),
+                JournalLine(2, 5, "done", {"step": 1}),
+            ],
         )
 
 
@@ -119,7 +133,9 @@ def test_each_damage_is_told(target: str) -> None:
         connection.execute(shared.update().values(text="other"))
         connection.execute(outlines.update().values(requirements="77*2"))
         connection.execute(lines.delete().where(lines.c.number == 1))
-        connection.execute(lines.insert().values(run="ghost", number=1, at_ms=0, kind="done", content="[]"))
+        connection.execute(
+            lines.insert().values(run="ghost", number=1, at_ms=0, kind="done", content="[]")
+        )
     engine.dispose()
     said = "\n".join(messages(target))
     for each in (
@@ -172,7 +188,9 @@ def test_poses_are_kept_by_several_writers_at_once(target: str) -> None:
         with Cases(target), Journal(target), PoseStore(target) as poses:
             for _ in range(4):
                 poses.keep(
-                    "cell", "p", {("m1", "probe", "s"): str(number), ("m2", "probe", "s"): str(number)}
+                    "cell",
+                    "p",
+                    {("m1", "probe", "s"): str(number), ("m2", "probe", "s"): str(number)},
                 )
 
     with ThreadPoolExecutor(4) as writers:

@@ -27,12 +27,16 @@ Image = Annotated[
     Path | None,
     Option(
         "--image",
-        help="the depth image: .npy, 16-bit .png in mm, .pcd or .ply; else it is made from the scene",
+        help="the depth image: .npy, 16-bit .png in mm, .pcd or .ply; else it is made from the "
+        "scene",
     ),
 ]
 Calibration = Annotated[
     Path | None,
-    Option("--calibration", help="a file with what calibrations have found of the camera (docs/placing.md)"),
+    Option(
+        "--calibration",
+        help="a file with what calibrations have found of the camera (docs/placing.md)",
+    ),
 ]
 
 
@@ -53,13 +57,18 @@ def read_scene(scene: str, calibration: Path | None = None) -> "Scene":
 
 
 def shifts_of(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) -> "list[PartShift]":
-    """What is moved (PART=X,Y,TURN in mm and degrees) or taken away after it was seen. Raises `InvalidInput`."""
+    """What is moved (PART=X,Y,TURN in mm and degrees) or taken away after it was seen.
+
+    Raises `InvalidInput`.
+    """
     needs_mujoco("--execute")
     return list(_read_shifts(scene, shifted, removed))
 
 
 def knock_of(text: str) -> "CameraErrors":
-    """By how much the camera was knocked: X,Y,Z,A,B,C in mm and degrees, along and about its own axes. Raises `InvalidInput`."""
+    """By how much the camera was knocked: X,Y,Z,A,B,C in mm and degrees, along and about its
+    own axes. Raises `InvalidInput`.
+    """
     from cellwright.engine.pipelines.manipulation.camera_cell import errors_of
     from cellwright.engine.pipelines.manipulation.camera_optics import CameraErrors
 
@@ -69,11 +78,16 @@ def knock_of(text: str) -> "CameraErrors":
 def needs_mujoco(option: str) -> None:
     """Refuse what physics is needed for where MuJoCo is not installed. Raises `InvalidInput`."""
     if find_spec("mujoco") is None:
-        message, hint = f"{option} needs MuJoCo, which is not installed", "pip install 'cellwright[mujoco]'"
+        message, hint = (
+            f"{option} needs MuJoCo, which is not installed",
+            "pip install 'cellwright[mujoco]'",
+        )
         raise InvalidInput([Diagnostic(Source(option), "K414", message, hint)])
 
 
-def _read_shifts(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) -> "Iterator[PartShift]":
+def _read_shifts(
+    scene: "Scene", shifted: Sequence[str], removed: Sequence[str]
+) -> "Iterator[PartShift]":
     from math import radians
 
     from cellwright.engine.pipelines.manipulation.assembly_execution import PartShift
@@ -96,7 +110,11 @@ def _three_numbers(numbers: str, text: str) -> tuple[float, float, float]:
     if len(distances) != 3:
         message = f"'{text}' does not say how a part is moved"
         raise InvalidInput(
-            [Diagnostic(Source("--shift"), "K107", message, "write wall_2=20,-10,15: mm, mm, degrees")]
+            [
+                Diagnostic(
+                    Source("--shift"), "K107", message, "write wall_2=20,-10,15: mm, mm, degrees"
+                )
+            ]
         )
     return distances[0], distances[1], distances[2]
 

@@ -48,7 +48,11 @@ def complete_scenes(incomplete: str) -> list[str]:
     from cellwright.kb.targets import bundled_scenes
 
     return [
-        *(bundled_scene for bundled_scene in bundled_scenes() if bundled_scene.startswith(incomplete)),
+        *(
+            bundled_scene
+            for bundled_scene in bundled_scenes()
+            if bundled_scene.startswith(incomplete)
+        ),
         *complete_files(incomplete),
     ]
 
@@ -105,7 +109,11 @@ Command = Annotated[str, Option(help="the goals as a command, in the words of th
 Stats = Annotated[bool, Option("--stats", help="print statistics: counts and times")]
 TimeLimit = Annotated[
     float | None,
-    Option(min=0, callback=number_option, help="seconds after which the search stops with its best answer"),
+    Option(
+        min=0,
+        callback=number_option,
+        help="seconds after which the search stops with its best answer",
+    ),
 ]
 Seed = Annotated[int, Option(min=0, help="the same seed gives the same answer on any machine")]
 Pddl = Annotated[bool, Option("--pddl", help="the arguments are a PDDL domain and a PDDL problem")]
@@ -113,16 +121,26 @@ Ground = Annotated[bool, Option("--ground", help="write PDDL without variables, 
 Strategy = Annotated[
     str,
     Option(
-        help="auto, backward, forward, landmarks, novelty, asp, or shortest: proved to have the fewest steps"
+        help="auto, backward, forward, landmarks, novelty, asp, or shortest: proved to have the "
+        "fewest steps"
     ),
 ]
-Race = Annotated[bool, Option("--race", help="run the strategies on all processors; the first answer counts")]
+Race = Annotated[
+    bool, Option("--race", help="run the strategies on all processors; the first answer counts")
+]
 Anytime = Annotated[
     bool,
-    Option("--anytime", help="improve the plan until the time limit or Ctrl-C, and report every better plan"),
+    Option(
+        "--anytime",
+        help="improve the plan until the time limit or Ctrl-C, and report every better plan",
+    ),
 ]
-MemoryLimit = Annotated[int | None, Option(min=128, help="megabytes of memory that the command may use")]
-Expansions = Annotated[int, Option(min=0, help="states that the search may expand before it gives up")]
+MemoryLimit = Annotated[
+    int | None, Option(min=128, help="megabytes of memory that the command may use")
+]
+Expansions = Annotated[
+    int, Option(min=0, help="states that the search may expand before it gives up")
+]
 Library = Annotated[
     str,
     Option(
@@ -135,7 +153,8 @@ Cluster = Annotated[
     str,
     Option(
         metavar="ADDRESS",
-        help="a Dask cluster that does the work, by the HOST:PORT of its scheduler; it sees the same files and store",
+        help="a Dask cluster that does the work, by the HOST:PORT of its scheduler; it sees the "
+        "same files and store",
     ),
 ]
 Jobs = Annotated[
@@ -143,7 +162,9 @@ Jobs = Annotated[
 ]
 Windows = Annotated[
     list[str] | None,
-    Option("--window", help="when a visit may begin, from the start of the tour: 'm3=10..90, m4=..60'"),
+    Option(
+        "--window", help="when a visit may begin, from the start of the tour: 'm3=10..90, m4=..60'"
+    ),
 ]
 Lasts = Annotated[list[str] | None, Option("--lasts", help="how long a visit takes: 'm3=4, m4=6'")]
 Before = Annotated[

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class WorkerOptions:
-    """How units of work are carried out: by so many processes or a cluster, and the store where finished ones are noted."""
+    """How units of work are carried out: by so many processes or a cluster, and the store where
+    finished ones are noted.
+    """
 
     jobs: int = 1
     cluster: str = ""
@@ -52,6 +54,9 @@ def progress_of(what: str) -> "Iterator[Callable[[int, int], None]]":
     from cellwright.engine.faces.cli.process.progress_line import hushing_progress
 
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with hushing_progress(), Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
+    with (
+        hushing_progress(),
+        Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
+    ):
         shown = bar.add_task("", total=None)
         yield lambda done, of: bar.update(shown, completed=done, total=of)

@@ -33,10 +33,11 @@ if TYPE_CHECKING:
 
 
 def leave_process(code: int) -> None:
-    """Write the streams and end the process at once. Return only if threads still run that nobody gave up.
+    """Write the streams and end the process at once. Return only if threads still run that nobody
+    gave up.
 
-    What a limit or Ctrl-C ended may have left a solver at work: its threads are not waited for. The usual end would even abort
-    the process if it came upon them.
+    What a limit or Ctrl-C ended may have left a solver at work: its threads are not waited for. The
+    usual end would even abort the process if it came upon them.
     """
     _flush_streams()
     if not _is_busy() or _is_grounding() or code in (LIMIT, INTERRUPTED):
@@ -54,7 +55,10 @@ def _flush_streams() -> None:
 
 
 def abandon_stream(stream: TextIO) -> None:
-    """Give up a stream that cannot be written any more. So closing it causes no message and no other exit code."""
+    """Give up a stream that cannot be written any more.
+
+    So closing it causes no message and no other exit code.
+    """
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
@@ -65,13 +69,17 @@ def _is_grounding() -> bool:
 
 
 def _is_busy() -> bool:
-    """Whether threads run, or a profiler or tracer must report: then the interpreter ends as it does by itself."""
+    """Whether threads run, or a profiler or tracer must report: then the interpreter ends as it
+    does by itself.
+    """
     watched = sys.getprofile() is not None or sys.gettrace() is not None
     return watched or any(thread.name != WATCH_THREAD for thread in threading.enumerate()[1:])
 
 
 def _close_resources() -> None:
-    """Close databases, end processes, delete temporary folders: all that must not be left as it is."""
+    """Close databases, end processes, delete temporary folders: all that must not be left as it
+    is.
+    """
     engines = sys.modules.get("cellwright.kb.store.database")
     with suppress(Exception):
         if engines is not None:
@@ -94,7 +102,10 @@ class AnswerForm(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class VerbAnswer:
-    """What a command found. `text` is made only when it is printed; `raw` is printed unchanged in both forms."""
+    """What a command found.
+
+    `text` is made only when it is printed; `raw` is printed unchanged in both forms.
+    """
 
     status: str
     content: Mapping[str, Any] = field(default_factory=dict)
@@ -104,8 +115,13 @@ class VerbAnswer:
     raw: str | None = None
 
 
-def give_answer(make: Callable[[], VerbAnswer], form: AnswerForm, output: Path | None = None) -> NoReturn:
-    """Make the answer, print it and exit with its code. With `output`, the answer goes to that file, and its text is printed."""
+def give_answer(
+    make: Callable[[], VerbAnswer], form: AnswerForm, output: Path | None = None
+) -> NoReturn:
+    """Make the answer, print it and exit with its code.
+
+    With `output`, the answer goes to that file, and its text is printed.
+    """
     if watch := current_watch():
         watch.tell = lambda code: _print_stopped(code, form)
     with _hearing_interrupts():
@@ -134,14 +150,19 @@ def is_uncompiled() -> bool:
 
 @contextmanager
 def writing_output() -> Iterator[None]:
-    """A context that writes to standard output. If that fails, for example on a full disk, the process exits with 2."""
+    """A context that writes to standard output.
+
+    If that fails, for example on a full disk, the process exits with 2.
+    """
     try:
         yield
     except OSError as error:
         abandon_stream(sys.stdout)
         if error.errno != errno.EPIPE:
             with suppress(OSError):
-                sys.stderr.write(f"cannot write {error.filename or 'the answer'}: {error.strerror}\n")
+                sys.stderr.write(
+                    f"cannot write {error.filename or 'the answer'}: {error.strerror}\n"
+                )
             raise SystemExit(BAD_INPUT) from None
 
 
@@ -157,7 +178,9 @@ def refuse_command_line(wrong: str, command: str, code: str) -> NoReturn:
 
 
 def open_streams() -> None:
-    """Prepare the standard streams, so that neither unusual characters nor a closed stream makes an answer fail."""
+    """Prepare the standard streams, so that neither unusual characters nor a closed stream
+    makes an answer fail.
+    """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - open as long as the process
@@ -194,7 +217,9 @@ def _answer_or_interruption(make: Callable[[], VerbAnswer]) -> VerbAnswer:
         watch.answered = True
     except StoppedByCaller:
         answer = (
-            _out_of_memory() if watch.short else _stopped_answer(LIMIT if watch.is_time_up() else INTERRUPTED)
+            _out_of_memory()
+            if watch.short
+            else _stopped_answer(LIMIT if watch.is_time_up() else INTERRUPTED)
         )
     except KeyboardInterrupt:
         answer = _stopped_answer(INTERRUPTED)
@@ -210,7 +235,11 @@ def _make_answer(make: Callable[[], VerbAnswer]) -> VerbAnswer:
     try:
         return make()
     except InvalidInput as error:
-        code = LIMIT if any(diagnostic.code == "K307" for diagnostic in error.diagnostics) else BAD_INPUT
+        code = (
+            LIMIT
+            if any(diagnostic.code == "K307" for diagnostic in error.diagnostics)
+            else BAD_INPUT
+        )
         return VerbAnswer("bad input", code=code, diagnostics=error.diagnostics)
     except OSError as error:
         message, hint = (
@@ -226,7 +255,9 @@ def _make_answer(make: Callable[[], VerbAnswer]) -> VerbAnswer:
 
 
 def _failure_answer(error: Exception) -> VerbAnswer:
-    """The answer of a command that has ended with an error that is none of the user's: memory, a request to end, damage, a bug."""
+    """The answer of a command that has ended with an error that is none of the user's: memory,
+    a request to end, damage, a bug.
+    """
     watch = current_watch()
     if is_short(error) or (watch and watch.short):
         return _out_of_memory()
@@ -236,7 +267,9 @@ def _failure_answer(error: Exception) -> VerbAnswer:
         return _stopped_answer(LIMIT if watch.is_time_up() else INTERRUPTED)
     if found_damage := _library_damage():
         return VerbAnswer("bad input", code=BAD_INPUT, diagnostics=found_damage)
-    return VerbAnswer("internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL)
+    return VerbAnswer(
+        "internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL
+    )
 
 
 def _out_of_memory() -> VerbAnswer:
@@ -245,13 +278,18 @@ def _out_of_memory() -> VerbAnswer:
 
     lift_limit()
     memory_diagnostic = Diagnostic(
-        Source("memory"), "K419", "out of memory", "raise --memory-limit, or make the problem smaller"
+        Source("memory"),
+        "K419",
+        "out of memory",
+        "raise --memory-limit, or make the problem smaller",
     )
     return VerbAnswer("stopped", code=LIMIT, diagnostics=(memory_diagnostic,))
 
 
 def _library_damage() -> "tuple[Diagnostic, ...]":
-    """What is wrong in the libraries that were opened: damage there explains what no reader could foresee."""
+    """What is wrong in the libraries that were opened: damage there explains what no reader
+    could foresee.
+    """
     if "cellwright.kb.store.database" not in sys.modules:
         return ()
     from cellwright.kb.store.database import opened_so_far
@@ -267,7 +305,10 @@ def _stopped_answer(code: int) -> VerbAnswer:
     if code == INTERRUPTED:
         return VerbAnswer("interrupted", code=INTERRUPTED)
     stop_diagnostic = Diagnostic(
-        Source("--time-limit"), "K420", "the time was over before there was an answer", "give more seconds"
+        Source("--time-limit"),
+        "K420",
+        "the time was over before there was an answer",
+        "give more seconds",
     )
     return VerbAnswer("stopped", code=code, diagnostics=(stop_diagnostic,))
 
@@ -303,13 +344,18 @@ def _answer_document(answer: VerbAnswer, form: AnswerForm) -> str | None:
 
 
 def _print_and_save(answer: VerbAnswer, form: AnswerForm, output: Path) -> None:
-    """Print the text, then write the file, so that a full disk does not take the answer with it. A failure is not written."""
+    """Print the text, then write the file, so that a full disk does not take the answer with it.
+
+    A failure is not written.
+    """
     from cellwright.engine.faces.cli.output.output_files import save_text
     from cellwright.engine.faces.cli.output.terminal_console import make_console
     from cellwright.kb.diagnostics import escape_controls
 
     _print_answer(replace(answer, raw=None), AnswerForm.TEXT)
-    document = _answer_document(answer, form) if answer.text and answer.code in (0, INTERRUPTED) else None
+    document = (
+        _answer_document(answer, form) if answer.text and answer.code in (0, INTERRUPTED) else None
+    )
     if document is not None:
         try:
             save_text(output, escape_controls(document))

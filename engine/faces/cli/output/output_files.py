@@ -23,16 +23,21 @@ Output = Annotated[
 
 
 def answer_form(output: Path | None, given: AnyForm | None, text: AnyForm) -> AnyForm:
-    """How the answer is written: as `--format` says, else as the name of the file ends, else as text.
+    """How the answer is written: as `--format` says, else as the name of the file ends, else as
+    text.
 
     Raises `BadParameter` if there is a file and neither says a form that files have.
     """
     if given is not None:
-        refuse_idle({"--output": output} if given is text else {}, "on text: name another --format, or none")
+        refuse_idle(
+            {"--output": output} if given is text else {}, "on text: name another --format, or none"
+        )
         return given
     if output is None:
         return text
-    forms = {f".{known_form.value}": known_form for known_form in type(text) if known_form is not text}
+    forms = {
+        f".{known_form.value}": known_form for known_form in type(text) if known_form is not text
+    }
     form_by_suffix = forms.get(output.suffix.lower())
     if form_by_suffix is None:
         raise make_misfit(f"--output: the name of the file must end in one of {', '.join(forms)}")
@@ -53,7 +58,10 @@ def save_text(output: Path, text: str) -> None:
 
 
 def write_picture(path: Path | None, made: Callable[[], bytes]) -> None:
-    """Write what is made into a file, if there is to be one. Raises `InvalidInput` for a file that cannot be written."""
+    """Write what is made into a file, if there is to be one.
+
+    Raises `InvalidInput` for a file that cannot be written.
+    """
     from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if path is None:
@@ -62,4 +70,6 @@ def write_picture(path: Path | None, made: Callable[[], bytes]) -> None:
         path.write_bytes(made())
     except OSError as error:
         message = f"it cannot be written: {error.strerror}"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K702", message, "is its folder there?")]) from None
+        raise InvalidInput(
+            [Diagnostic(Source(str(path)), "K702", message, "is its folder there?")]
+        ) from None

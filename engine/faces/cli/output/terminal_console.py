@@ -1,7 +1,7 @@
 r"""Consoles and logs on the terminal, in which no name, file or controller can command it.
 
-Control characters, marks that turn the direction of a text, and halves of characters are shown as `\u001b`. In JSON that is
-the same text.
+Control characters, marks that turn the direction of a text, and halves of characters are shown as
+`\u001b`. In JSON that is the same text.
 """
 
 import sys
@@ -24,7 +24,10 @@ def make_console(stderr: bool = False, **settings: Any) -> Console:
 
 
 def say_on_stderr(text: str) -> None:
-    """Write on standard error, where a line of progress makes room. If that fails, the answer is still given."""
+    """Write on standard error, where a line of progress makes room.
+
+    If that fails, the answer is still given.
+    """
     with suppress(OSError), hushing_progress():
         sys.stderr.write(escape_controls(text))
         sys.stderr.flush()
@@ -44,4 +47,8 @@ class _Shown:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
         for segment in console.render(self.inner, options):
-            yield segment if segment.control else Segment(escape_controls(segment.text), segment.style)
+            yield (
+                segment
+                if segment.control
+                else Segment(escape_controls(segment.text), segment.style)
+            )

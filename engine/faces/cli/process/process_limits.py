@@ -1,7 +1,8 @@
 """Limits of time and memory of a whole command, and Ctrl-C where no search listens for it.
 
-The system counts what is reserved, not what is used. Linear algebra (OpenBLAS) reserves a lot, and where there is none it ends the
-process or tries for ever. So the system's limit is higher by what such libraries reserve.
+The system counts what is reserved, not what is used. Linear algebra (OpenBLAS) reserves a lot, and
+where there is none it ends the process or tries for ever. So the system's limit is higher by what
+such libraries reserve.
 """
 
 import math
@@ -25,14 +26,18 @@ _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
 
 def limit_memory(megabytes: int | None) -> None:
-    """Have the system refuse what goes far beyond a limit, to this process and to those it starts; None is no limit."""
+    """Have the system refuse what goes far beyond a limit, to this process and to those it
+    starts; None is no limit.
+    """
     if megabytes is not None:
         os.environ.setdefault(THREADS, "1")
         _limit_address_space(min((megabytes + RESERVED_MB) * 2**20, sys.maxsize))
 
 
 def lift_limit() -> None:
-    """Let this process have what the system allows: what is left to do is to say that memory has run out."""
+    """Let this process have what the system allows: what is left to do is to say that memory
+    has run out.
+    """
     import resource
 
     _limit_address_space(resource.getrlimit(resource.RLIMIT_DATA)[1])
@@ -48,7 +53,9 @@ def resident_mb() -> float:
 
 
 def is_short(error: BaseException) -> bool:
-    """Whether an error says that there was no memory: also that of a library that could not be loaded for want of it."""
+    """Whether an error says that there was no memory: also that of a library that could not be
+    loaded for want of it.
+    """
     error_text = str(error).lower()
     lacking = isinstance(error, ImportError) and any(
         error_words in error_text for error_words in MEMORY_ERROR_WORDS
@@ -60,11 +67,14 @@ def _limit_address_space(wanted: int) -> None:
     import resource
 
     _, most = resource.getrlimit(resource.RLIMIT_DATA)
-    resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 or wanted < 0 else min(wanted, most), most))
+    resource.setrlimit(
+        resource.RLIMIT_DATA, (wanted if most < 0 or wanted < 0 else min(wanted, most), most)
+    )
 
 
 HEARING = 0.5  # seconds from Ctrl-C until a search has to have heard it
-TELLING = 0.5  # seconds that a command which was interrupted where it heard nothing may take for its answer
+# seconds that a command which was interrupted where it heard nothing may take for its answer
+TELLING = 0.5
 BUSY = 1.5  # seconds that a busy machine may add to that
 ANSWERING = 10.0  # seconds that a search which has heard it may take for its best answer
 LOOKING = 0.01  # seconds between two looks at the memory
@@ -73,7 +83,9 @@ WATCH_THREAD = "watch"  # of the thread
 
 
 class CommandWatch:
-    """What is watched: when the time is over, and whether the command has heard that it shall stop."""
+    """What is watched: when the time is over, and whether the command has heard that it shall
+    stop.
+    """
 
     def __init__(self, seconds: float | None = None, megabytes: int | None = None) -> None:
         self.seconds, self.megabytes = seconds, megabytes
@@ -84,7 +96,8 @@ class CommandWatch:
         self.pressed = False  # whether Ctrl-C was, and is heard by the command
         self.asked = False  # whether the command is at work on its answer, and may be interrupted
         self.waiting = (
-            False  # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
+            # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
+            False
         )
         self.time_is_up: Callable[[], None] | None = None
 
@@ -128,9 +141,13 @@ class CommandWatch:
             self._end(code)
 
     def _reason(self, woken: int) -> int:
-        """Wait until the command has to end; the exit code that says why: of a limit, or of Ctrl-C."""
+        """Wait until the command has to end; the exit code that says why: of a limit, or of
+        Ctrl-C.
+        """
         while True:
-            seconds_left = None if self.deadline is None else max(self.deadline - time.monotonic(), 0)
+            seconds_left = (
+                None if self.deadline is None else max(self.deadline - time.monotonic(), 0)
+            )
             if self.megabytes is not None:
                 seconds_left = LOOKING if seconds_left is None else min(seconds_left, LOOKING)
             if select.select([woken], [], [], seconds_left)[0]:
@@ -165,7 +182,10 @@ class CommandWatch:
             time.sleep(0.02)
 
     def be_patient(self) -> None:
-        """Pass over Ctrl-C while an answer is printed that Ctrl-C asked for. A process that does more must hear it again."""
+        """Pass over Ctrl-C while an answer is printed that Ctrl-C asked for.
+
+        A process that does more must hear it again.
+        """
         if _alone:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -192,7 +212,9 @@ def current_watch() -> CommandWatch | None:
 
 @contextmanager
 def watching_command(seconds: float | None, megabytes: int | None) -> Iterator[None]:
-    """A context in which a command is watched, if this is the main thread of a process of its own."""
+    """A context in which a command is watched, if this is the main thread of a process of its
+    own.
+    """
     global _now
     from cellwright.kb import stopping
 
@@ -215,7 +237,9 @@ def own_process() -> None:
 
 
 def _raise_again(lost: "sys.UnraisableHookArgs") -> None:
-    """End the command a moment later, where its end was raised in a callback: Python prints such an exception and goes on."""
+    """End the command a moment later, where its end was raised in a callback: Python prints
+    such an exception and goes on.
+    """
     if not isinstance(lost.exc_value, StoppedByCaller | KeyboardInterrupt):
         sys.__unraisablehook__(lost)
         return
@@ -226,8 +250,8 @@ def _raise_again(lost: "sys.UnraisableHookArgs") -> None:
 
 
 def _signal_main_thread(which: signal.Signals) -> None:
-    """Send the main thread a signal when it has left `_raise_again`, from where Python passes no exception on either: on a busy
-    machine it may be there for longer than a moment."""
+    """Send the main thread a signal when it has left `_raise_again`, from where Python passes no
+    exception on either: on a busy machine it may be there for longer than a moment."""
     main = threading.main_thread().ident or 0
     while _raises_again(sys._current_frames().get(main)):
         time.sleep(MOMENT)

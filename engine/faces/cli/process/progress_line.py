@@ -1,6 +1,7 @@
 """Progress line of a command that takes longer than two seconds: what it does and for how long.
 
-A thread writes it, so that it also moves while a solver or a file keeps the command busy. Nothing is written in a pipe.
+A thread writes it, so that it also moves while a solver or a file keeps the command busy. Nothing
+is written in a pipe.
 """
 
 import os

@@ -18,11 +18,14 @@ if TYPE_CHECKING:
 
 
 class SearchInterruption:
-    """A context in which the first Ctrl-C asks the search to stop with its best answer; the second stops everything.
+    """A context in which the first Ctrl-C asks the search to stop with its best answer; the second
+    stops everything.
 
-    A request to terminate (SIGTERM), as from a batch system, works like Ctrl-C: it gets the best answer so far.
+    A request to terminate (SIGTERM), as from a batch system, works like Ctrl-C: it gets the best
+    answer so far.
 
-    A search calls it now and then; it returns whether to stop. `seconds` is the time limit, counted from the begin of the command.
+    A search calls it now and then; it returns whether to stop. `seconds` is the time limit, counted
+    from the begin of the command.
     """
 
     def __init__(self, seconds: float | None = None) -> None:
@@ -43,7 +46,10 @@ class SearchInterruption:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._asking.__exit__(kind, value, trace)
         for signal_number, before in self._before.items():
@@ -61,7 +67,9 @@ class SearchInterruption:
         return self.heard or (self.deadline is not None and time.monotonic() >= self.deadline)
 
     def _while_grounding(self) -> bool:
-        """Whether a grounding shall stop: not once a search has been told to, because its answer is still to be checked."""
+        """Whether a grounding shall stop: not once a search has been told to, because its
+        answer is still to be checked.
+        """
         return not self.told and self._is_over()
 
     def tell(self, plan: "Plan") -> None:
@@ -78,7 +86,9 @@ class SearchInterruption:
 
     @contextmanager
     def while_waiting(self) -> Iterator[None]:
-        """A context that waits for a person instead of searching: Ctrl-C ends it at once with `KeyboardInterrupt`."""
+        """A context that waits for a person instead of searching: Ctrl-C ends it at once with
+        `KeyboardInterrupt`.
+        """
         self.waiting = True
         if watch := current_watch():
             watch.waiting = True

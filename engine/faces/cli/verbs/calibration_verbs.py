@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from cellwright.kb.model.part_scene import Scene
 
 app = typer.Typer(
-    add_completion=False, no_args_is_help=True, help="Calibrate the range finder, or where it stands."
+    add_completion=False,
+    no_args_is_help=True,
+    help="Calibrate the range finder, or where it stands.",
 )
 Readings = Annotated[
     Path | None,
@@ -65,11 +67,14 @@ def _calibrate_range(
 
 @app.command()
 def camera(
-    target: Annotated[str, Argument(metavar="TARGET", help="the part that the arm holds before the camera")],
+    target: Annotated[
+        str, Argument(metavar="TARGET", help="the part that the arm holds before the camera")
+    ],
     scene: SceneName,
     readings: Readings = None,
     number: Annotated[
-        int, Option("--number", min=3, max=100, help="how many readings are made, if none are given")
+        int,
+        Option("--number", min=3, max=100, help="how many readings are made, if none are given"),
     ] = 12,
     keep: Keep = None,
     calibration: Calibration = None,
@@ -77,7 +82,10 @@ def camera(
     format: Format = AnswerForm.TEXT,
 ) -> None:
     """Where the camera stands: images of a part that the arm holds at known joint values."""
-    give_answer(lambda: _calibrate_camera(target, scene, readings, number, seed, (keep, calibration)), format)
+    give_answer(
+        lambda: _calibrate_camera(target, scene, readings, number, seed, (keep, calibration)),
+        format,
+    )
 
 
 def _calibrate_camera(
@@ -106,7 +114,9 @@ def _calibrate_camera(
     text = report.camera_text(
         camera_calibration_entry, camera_pose(read, GeometricWorld.of(read.cell)), hidden
     )
-    text += _keep_calibration(keep, camera_calibration.scene_with_camera(read, camera_calibration_entry))
+    text += _keep_calibration(
+        keep, camera_calibration.scene_with_camera(read, camera_calibration_entry)
+    )
     return VerbAnswer("found", report.camera_content(camera_calibration_entry), lambda: Text(text))
 
 

@@ -28,7 +28,10 @@ class PictureForm(StrEnum):
 
 Configurations = Annotated[
     list[str] | None,
-    Option("--configuration", help='joint values in degrees and metres: "0, 90, 0, 0, 45, 0" or "ARM: ..."'),
+    Option(
+        "--configuration",
+        help='joint values in degrees and metres: "0, 90, 0, 0, 45, 0" or "ARM: ..."',
+    ),
 ]
 AtPlace = Annotated[str, Option("--place", help="show the arm at this place")]
 Output = Annotated[Path | None, Option("--output", "-o", help="the file to write; a PNG needs one")]
@@ -71,11 +74,15 @@ def show(
     azimuth: Azimuth = None,
     elevation: Elevation = None,
 ) -> None:
-    """Show the cell of TARGET at the start of its problem, with the arms in a configuration; mark collisions."""
+    """Show the cell of TARGET at the start of its problem, with the arms in a configuration;
+    mark collisions.
+    """
     kind = format or _kind_of(output)
     form = AnswerForm.JSON if kind is PictureForm.JSON else AnswerForm.TEXT
     if kind in (PictureForm.JSON, PictureForm.TEXT):
-        refuse_idle({"--output": output}, "without a picture: let its name end in .png, .svg or .gltf")
+        refuse_idle(
+            {"--output": output}, "without a picture: let its name end in .png, .svg or .gltf"
+        )
     if kind not in (PictureForm.PNG, PictureForm.SVG):
         turned = {"--azimuth": azimuth is not None, "--elevation": elevation is not None}
         refuse_idle(turned, "without an image: give --format png or svg")
@@ -106,18 +113,24 @@ def _show_cell(
     from cellwright.kb.loader.cell import cell_of
 
     facts = initial_facts(target)
-    shown = cell_view.cell_view_of(cell_of(target), geometry_backend(), configurations, place, facts)
+    shown = cell_view.cell_view_of(
+        cell_of(target), geometry_backend(), configurations, place, facts
+    )
     content, shown_text = cell_view.view_content(shown), cell_view.view_text(shown)
     drawn = _draw_cell(shown, kind, seen)
     if drawn is None:
         return VerbAnswer("ok", content, lambda: Text(shown_text))
     if output is None:
         return VerbAnswer("ok", raw=_as_text(drawn))
-    output.write_bytes(drawn if isinstance(drawn, bytes) else escape_controls(drawn).encode("utf-8"))
+    output.write_bytes(
+        drawn if isinstance(drawn, bytes) else escape_controls(drawn).encode("utf-8")
+    )
     return VerbAnswer("ok", content, lambda: Text(f"{shown_text}\n{output}"))
 
 
-def _draw_cell(shown: "CellView", kind: PictureForm, seen: tuple[float, float]) -> str | bytes | None:
+def _draw_cell(
+    shown: "CellView", kind: PictureForm, seen: tuple[float, float]
+) -> str | bytes | None:
     from math import radians
 
     from cellwright.engine.stages.geometry.pictures import cell_view

@@ -10,7 +10,10 @@ from cellwright.engine.faces.cli.options.shared_options import Format
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 
 Beside = Annotated[
-    Path, Option("--beside", help="a domain folder: also its own device_group, in its folder `device_group`")
+    Path,
+    Option(
+        "--beside", help="a domain folder: also its own device_group, in its folder `device_group`"
+    ),
 ]
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -33,7 +36,9 @@ def show(
     beside: Beside = Path(),
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Print what a device is, its parameters, ports, own names and commands, and how a domain uses it."""
+    """Print what a device is, its parameters, ports, own names and commands, and how a domain
+    uses it.
+    """
     give_answer(lambda: _show_device(name, beside), format)
 
 

@@ -6,7 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cellwright.engine.faces.cli.option_declarations import Option, make_misfit, refuse_idle
-from cellwright.engine.faces.cli.options.shared_options import Seed, Target, TimeLimit, number_option
+from cellwright.engine.faces.cli.options.shared_options import (
+    Seed,
+    Target,
+    TimeLimit,
+    number_option,
+)
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INTERRUPTED
 from cellwright.engine.model.answer_wording import count_noun
@@ -38,19 +43,23 @@ class CaseGoal(StrEnum):
     REPAIR = "repair"
 
 
-ExceptionName = Annotated[str, Option("--exception", help="the exception, by its name in faults.yaml")]
+ExceptionName = Annotated[
+    str, Option("--exception", help="the exception, by its name in faults.yaml")
+]
 Step = Annotated[
     str,
     Option(
         "--step",
-        help="the step it interrupted: us_measure(us_probe, t3_746, m1), or its number_option in --plan",
+        help="the step it interrupted: us_measure(us_probe, t3_746, m1), or its number_option in "
+        "--plan",
     ),
 ]
 Outcomes = Annotated[
     str, Option("--outcomes", help="scripted outcomes: look_at_spot=dry, tool_self_test=passed")
 ]
 Hidden = Annotated[
-    str, Option("--hidden", help="simulate: the causes that are really present, separated by commas")
+    str,
+    Option("--hidden", help="simulate: the causes that are really present, separated by commas"),
 ]
 WholeTree = Annotated[bool, Option("--tree", help="print the whole decision tree")]
 Explain = Annotated[bool, Option("--explain", help="say why this test is next")]
@@ -65,7 +74,9 @@ FailedPlan = Annotated[
 Done = Annotated[
     str,
     Option(
-        "--done", help="the steps of the plan that are done, such as 1..4, 7; if not given, all before --step"
+        "--done",
+        help="the steps of the plan that are done, such as 1..4, 7; if not given, all before "
+        "--step",
     ),
 ]
 Holds = Annotated[str, Option("--holds", help="facts that are seen to hold, against the model")]
@@ -121,12 +132,16 @@ def diagnose_target(
     time_limit: TimeLimit = None,
     seed: Seed = 0,
 ) -> None:
-    """Find the cause of an exception of TARGET: ask for outcomes, read them from a list, or print the whole tree."""
+    """Find the cause of an exception of TARGET: ask for outcomes, read them from a list, or
+    print the whole tree.
+    """
     form = AnswerForm.JSON if format is DiagnosisForm.JSON else AnswerForm.TEXT
     asked = DiagnosisRequest(
         target, exception, step, objective, plan, done, (holds, gone), store, expansions, time_limit
     )
-    manner = DiagnosisManner(tree, explain, outcomes, hidden, recover, seed, format is DiagnosisForm.SVG)
+    manner = DiagnosisManner(
+        tree, explain, outcomes, hidden, recover, seed, format is DiagnosisForm.SVG
+    )
     if history or reset or age is not None or counts is not None:
         _refuse_case(asked, manner)
 
@@ -166,12 +181,22 @@ class DiagnosisManner:
 
 def _refuse_case(asked: DiagnosisRequest, manner: DiagnosisManner) -> None:
     """Refuse the options that belong to an open case."""
-    case = {"--exception": asked.exception, "--step": asked.step, "--plan": asked.plan, "--done": asked.done}
+    case = {
+        "--exception": asked.exception,
+        "--step": asked.step,
+        "--plan": asked.plan,
+        "--done": asked.done,
+    }
     case |= dict(zip(("--holds", "--gone"), asked.seen, strict=True))
     how = {"--outcomes": manner.outcomes, "--hidden": manner.hidden, "--tree": manner.tree}
-    rest = {"--explain": manner.explain, "--recover": manner.recover, "--format svg": manner.picture}
+    rest = {
+        "--explain": manner.explain,
+        "--recover": manner.recover,
+        "--format svg": manner.picture,
+    }
     refuse_idle(
-        {**case, **how, **rest}, "on closed cases: --history, --age, --reset and --import open no new case"
+        {**case, **how, **rest},
+        "on closed cases: --history, --age, --reset and --import open no new case",
     )
 
 
@@ -184,7 +209,9 @@ def _refuse_idle(asked: DiagnosisRequest, manner: DiagnosisManner) -> None:
         raise make_misfit("a picture shows the whole tree: give --tree")
     answered = {"--outcomes": manner.outcomes, "--hidden": manner.hidden}
     if manner.tree:
-        refuse_idle({**answered, "--explain": manner.explain}, "with --tree, which shows every outcome")
+        refuse_idle(
+            {**answered, "--explain": manner.explain}, "with --tree, which shows every outcome"
+        )
     if manner.explain:
         refuse_idle(answered, "with --explain, which is about the first test")
     if manner.tree or manner.explain:
@@ -243,7 +270,10 @@ def _tree_answer(found: "DiagnosisCase", picture: bool) -> VerbAnswer:
     raw = decision_tree_svg(problem, whole_tree, cost) if picture else None
     status = "optimal" if advice.optimal else "found"
     return VerbAnswer(
-        status, content, lambda: report.decision_tree_text(problem, whole_tree, cost, advice.bound), raw=raw
+        status,
+        content,
+        lambda: report.decision_tree_text(problem, whole_tree, cost, advice.bound),
+        raw=raw,
     )
 
 
@@ -257,14 +287,18 @@ def _explain_advice(session: "CaseSession") -> VerbAnswer:
     problem, advice = session.case.problem, session.advice()
     compared = _compare_actions(session, advice)
     content = report.advice_entry(problem, advice) | {
-        "alternatives": {problem.actions[a].name: round(c, 6) for a, c, _ in compared if a != advice.action}
+        "alternatives": {
+            problem.actions[a].name: round(c, 6) for a, c, _ in compared if a != advice.action
+        }
     }
     believed = report.belief_table([(str(h), p) for h, p in session.belief()])
     table = report.advice_reasons(problem, advice, compared)
     return VerbAnswer("ok", content, lambda: Group(believed, Text(""), table))
 
 
-def _compare_actions(session: "CaseSession", advice: "CaseAdvice") -> tuple[tuple[int, float, bool], ...]:
+def _compare_actions(
+    session: "CaseSession", advice: "CaseAdvice"
+) -> tuple[tuple[int, float, bool], ...]:
     chosen = () if advice.action is None else (advice.action,)
     return session.selector.compare(session.standing, (*chosen, *(a for a, _ in advice.runners_up)))
 
@@ -304,7 +338,11 @@ def _work_case(found: "DiagnosisCase", answer: "Answerer", recover: bool, store:
         content["recovery"] = recovery_report.recovery_entry(went_on)
         shown.append(recovery_report.recovery_text(went_on))
     return VerbAnswer(
-        _case_status(diagnosis), content, lambda: Group(*shown), 0 if diagnosis.finished else GAVE_UP, lost
+        _case_status(diagnosis),
+        content,
+        lambda: Group(*shown),
+        0 if diagnosis.finished else GAVE_UP,
+        lost,
     )
 
 
@@ -313,7 +351,10 @@ def _case_status(made: "CaseDiagnosis") -> str:
 
 
 def ask_at_terminal(found: "DiagnosisCase", interrupted: "SearchInterruption") -> "Answerer":
-    """A function that asks the person at the terminal. An empty line, Ctrl-C or the end of the input ends the case."""
+    """A function that asks the person at the terminal.
+
+    An empty line, Ctrl-C or the end of the input ends the case.
+    """
     from cellwright.engine.faces.cli.output import terminal_console
     from cellwright.engine.faces.cli.process.progress_line import hushing_progress
     from cellwright.engine.formats.report.runs import diagnosis_report as report
@@ -337,7 +378,9 @@ def ask_at_terminal(found: "DiagnosisCase", interrupted: "SearchInterruption") -
         says = found.says(action.name)
         choices = ", ".join(f"{n} {outcome}" for n, outcome in enumerate(action.outcomes, 1))
         while True:
-            console.print(f"{action.name}: {says}\n  {choices}: ", end="", markup=False, highlight=False)
+            console.print(
+                f"{action.name}: {says}\n  {choices}: ", end="", markup=False, highlight=False
+            )
             answer_line = _typed_line(interrupted)
             if not answer_line:
                 return None
@@ -355,7 +398,9 @@ def _meant_outcome(said: str, outcomes: "Sequence[str]") -> str | None:
 
 
 def _typed_line(interrupted: "SearchInterruption") -> str:
-    """What is typed in a line, without spaces around it; nothing at Ctrl-C and at the end of the input."""
+    """What is typed in a line, without spaces around it; nothing at Ctrl-C and at the end of
+    the input.
+    """
     import sys
 
     try:
@@ -368,14 +413,19 @@ def _typed_line(interrupted: "SearchInterruption") -> str:
 def manage_closed_cases(
     target: str, store: str, history: bool, reset: bool, age: float | None, given: Path | None
 ) -> VerbAnswer:
-    """Forget, age or add closed cases of a domain, in this order, then list them. Raises `InvalidInput`."""
+    """Forget, age or add closed cases of a domain, in this order, then list them.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.engine.pipelines.recovery.case_input import import_counts
     from cellwright.engine.pipelines.recovery.diagnosis_case import fault_model
     from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
     from cellwright.kb.store.case_store import Cases
 
     if not store:
-        raise InvalidInput([Diagnostic(Source("--store"), "K409", "no store is given", "give --store FILE")])
+        raise InvalidInput(
+            [Diagnostic(Source("--store"), "K409", "no store is given", "give --store FILE")]
+        )
     model = fault_model(target)
     with Cases(store) as cases:
         done_lines = []
@@ -391,8 +441,12 @@ def manage_closed_cases(
         return _case_history(model.domain, cases, done_lines, history)
 
 
-def lost_case(found: "DiagnosisCase", made: "CaseDiagnosis", store: str) -> "tuple[Diagnostic, ...]":
-    """Keep a closed case, if there is a store; warnings if that fails, because the answer matters more."""
+def lost_case(
+    found: "DiagnosisCase", made: "CaseDiagnosis", store: str
+) -> "tuple[Diagnostic, ...]":
+    """Keep a closed case, if there is a store; warnings if that fails, because the answer
+    matters more.
+    """
     from dataclasses import replace
 
     from cellwright.kb.diagnostics import InvalidInput

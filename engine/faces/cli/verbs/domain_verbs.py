@@ -22,8 +22,12 @@ NoReach = Annotated[
 ]
 
 
-def check_target(target: Target, no_reach: NoReach = False, format: Format = AnswerForm.TEXT) -> None:
-    """Report all errors in TARGET: in files, names, types, rules, grounded problems, the cell and the fault base."""
+def check_target(
+    target: Target, no_reach: NoReach = False, format: Format = AnswerForm.TEXT
+) -> None:
+    """Report all errors in TARGET: in files, names, types, rules, grounded problems, the cell
+    and the fault base.
+    """
     give_answer(lambda: _check_target(target, not no_reach), format)
 
 
@@ -37,7 +41,10 @@ def _check_target(target: str, reach: bool) -> VerbAnswer:
     report = domain_check.check_domain_files(target, reach)
     check_findings = report.diagnostics
     code = BAD_INPUT if select_errors(check_findings) else FINDINGS if check_findings else 0
-    summary_line = f"{diagnostics_summary(check_findings)} in {len(report.checked)} file{'' if len(report.checked) == 1 else 's'}"
+    summary_line = (
+        f"{diagnostics_summary(check_findings)} in {len(report.checked)} "
+        f"file{'' if len(report.checked) == 1 else 's'}"
+    )
     status = "errors" if code == BAD_INPUT else "warnings" if check_findings else "ok"
     return VerbAnswer(
         status, {"checked": list(report.checked)}, lambda: Text(summary_line), code, check_findings
@@ -74,13 +81,22 @@ def _schema_answer(kind: SchemaKind) -> VerbAnswer:
 
 Files = Annotated[
     list[Path],
-    Argument(metavar="FILE...", help="files, or folders of which every .yaml and .lp file is taken"),
+    Argument(
+        metavar="FILE...", help="files, or folders of which every .yaml and .lp file is taken"
+    ),
 ]
-Check = Annotated[bool, Option("--check", help="write nothing; exit with 1 if a file has another form")]
+Check = Annotated[
+    bool, Option("--check", help="write nothing; exit with 1 if a file has another form")
+]
 
 
-def format_domain_files(files: Files, check: Check = False, format: Format = AnswerForm.TEXT) -> None:
-    """Give FILEs their usual indentation and spaces. Comments and meaning stay. A broken file is left as it is."""
+def format_domain_files(
+    files: Files, check: Check = False, format: Format = AnswerForm.TEXT
+) -> None:
+    """Give FILEs their usual indentation and spaces.
+
+    Comments and meaning stay. A broken file is left as it is.
+    """
     give_answer(lambda: _format_files(files, check), format)
 
 
@@ -90,7 +106,13 @@ def _format_files(files: list[Path], check: bool) -> VerbAnswer:
     from cellwright.engine.authoring.layout import arrange_files
 
     arranged_files = arrange_files(files, write=not check)
-    code = BAD_INPUT if arranged_files.findings else FINDINGS if check and arranged_files.changed else 0
+    code = (
+        BAD_INPUT
+        if arranged_files.findings
+        else FINDINGS
+        if check and arranged_files.changed
+        else 0
+    )
     verb = "would change" if check else "changed"
     unchanged_count = arranged_files.looked_at - len(arranged_files.changed) - arranged_files.broken
     lines = [f"{verb} {changed_file}" for changed_file in arranged_files.changed]
@@ -100,7 +122,9 @@ def _format_files(files: list[Path], check: bool) -> VerbAnswer:
     )
     content = {"changed": list(arranged_files.changed), "files": arranged_files.looked_at}
     status = "bad input" if code == BAD_INPUT else "changes" if arranged_files.changed else "ok"
-    return VerbAnswer(status, content, lambda: Text("\n".join(lines)), code, arranged_files.findings)
+    return VerbAnswer(
+        status, content, lambda: Text("\n".join(lines)), code, arranged_files.findings
+    )
 
 
 def init_domain(
@@ -110,17 +134,22 @@ def init_domain(
         Option(
             "--with",
             metavar="DEVICES",
-            help="put it together from devices: furnace,drawer,balance; hotel=rack gives one a name",
+            help="put it together from devices: furnace,drawer,balance; hotel=rack gives one a "
+            "name",
             autocompletion=shared_options.complete_devices,
         ),
     ] = None,
     format: Format = AnswerForm.TEXT,
 ) -> None:
     """Write a small commented domain into FOLDER, with problems, a fault base and a golden plan."""
-    devices = [device_name.strip() for device_name in (with_ or "").split(",") if device_name.strip()]
+    devices = [
+        device_name.strip() for device_name in (with_ or "").split(",") if device_name.strip()
+    ]
     if with_ is not None and not devices:
         raise make_misfit("it names no device; `devices list` has their names", param_hint="--with")
-    give_answer(lambda: _assemble_domain(folder, devices) if devices else _write_domain(folder), format)
+    give_answer(
+        lambda: _assemble_domain(folder, devices) if devices else _write_domain(folder), format
+    )
 
 
 def _write_domain(folder: Path) -> VerbAnswer:
@@ -169,7 +198,10 @@ def _test_golden_plans(target: str, update: bool) -> VerbAnswer:
     if update and os.environ.get("CI"):
         hint = "run it on your machine, read the differences, and commit the golden files"
         golden_diagnostic = Diagnostic(
-            Source("--update"), "K403", "golden files are not rewritten in continuous integration", hint
+            Source("--update"),
+            "K403",
+            "golden files are not rewritten in continuous integration",
+            hint,
         )
         raise InvalidInput([golden_diagnostic])
     compared = list(golden_files.compare_all(target))

@@ -41,8 +41,11 @@ def _list_drivers() -> VerbAnswer:
 
 
 @app.command()
-def check(target: Target, option: Options = None, seed: Seed = 0, format: Format = AnswerForm.TEXT) -> None:
-    """Check that a controller keeps the protocol. It carries out the first steps of a plan for TARGET.
+def check(
+    target: Target, option: Options = None, seed: Seed = 0, format: Format = AnswerForm.TEXT
+) -> None:
+    """Check that a controller keeps the protocol. It carries out the first steps of a plan for
+    TARGET.
 
     Say where it is with --option command='PROGRAM ...' or --option address=HOST:PORT.
     """
@@ -61,7 +64,8 @@ def _check_driver(target: str, options: list[str], seed: int) -> VerbAnswer:
     wrong = [checked_point for checked_point in checked_points if checked_point.wrong]
     content = {
         "points": [
-            {"point": checked_point.point, "wrong": checked_point.wrong} for checked_point in checked_points
+            {"point": checked_point.point, "wrong": checked_point.wrong}
+            for checked_point in checked_points
         ]
     }
     return VerbAnswer(
@@ -86,7 +90,15 @@ def _plan_commands(problem: "Problem") -> "list[DriverCommand]":
     activities = ready.compiled.program.activities.values()
     return [
         DriverCommand(
-            number, CommandKind.STEP, a.stream, a.action, a.says, a.expects, (), a.lasts_ms, a.timeout_ms
+            number,
+            CommandKind.STEP,
+            a.stream,
+            a.action,
+            a.says,
+            a.expects,
+            (),
+            a.lasts_ms,
+            a.timeout_ms,
         )
         for number, a in enumerate(sorted(activities, key=lambda each: (each.start_ms, each.id)), 1)
     ]
@@ -109,7 +121,8 @@ def _conformance_text(found: "list[CheckedPoint]") -> "RenderableType":
 def serve(
     target: Target,
     listen: Annotated[
-        str, Option("--listen", metavar="HOST:PORT", help="listen there; else on the standard streams")
+        str,
+        Option("--listen", metavar="HOST:PORT", help="listen there; else on the standard streams"),
     ] = "",
     factor: Factor = 0.0,
     fault: Faults = None,

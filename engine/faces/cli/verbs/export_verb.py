@@ -21,10 +21,13 @@ def export_target(
     language: Annotated[
         Language,
         Argument(
-            help="pddl for a problem, bt for the behaviour tree of a plan, qif for the points to measure"
+            help="pddl for a problem, bt for the behaviour tree of a plan, qif for the points to "
+            "measure"
         ),
     ],
-    target: Annotated[str, Argument(metavar="TARGET|PLAN", help="what `plan` takes; for bt a plan in JSON")],
+    target: Annotated[
+        str, Argument(metavar="TARGET|PLAN", help="what `plan` takes; for bt a plan in JSON")
+    ],
     goals: Goals = "",
     command: Command = "",
     ground: Ground = False,
@@ -33,18 +36,22 @@ def export_target(
         Option(
             "--output",
             "-o",
-            help="the folder to write into, else this one; for bt and qif a file, else it is printed",
+            help="the folder to write into, else this one; for bt and qif a file, else it is "
+            "printed",
         ),
     ] = None,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Write TARGET as domain.pddl and problem.pddl, so that any PDDL planner can solve it, PLAN as a behaviour tree, or points.
+    """Write TARGET as domain.pddl and problem.pddl, so that any PDDL planner can solve it, PLAN as
+    a behaviour tree, or points.
 
-    Behaviour trees are in the XML of BehaviorTree.CPP version 4. The points to measure are written as a QIF document.
+    Behaviour trees are in the XML of BehaviorTree.CPP version 4. The points to measure are written
+    as a QIF document.
     """
     if language is Language.QIF:
         refuse_idle(
-            {"--goals": goals, "--command": command, "--ground": ground}, "with qif, which writes all points"
+            {"--goals": goals, "--command": command, "--ground": ground},
+            "with qif, which writes all points",
         )
         give_answer(lambda: _export_qif(target, output), format)
     if language is Language.BT:
@@ -69,7 +76,9 @@ def _behaviour_tree(file: Path, output: Path | None) -> VerbAnswer:
     if output is None:
         return VerbAnswer("ok", raw=tree)
     output.write_text(escape_controls(tree), "utf-8")
-    return VerbAnswer("ok", {"file": str(output), "steps": len(plan.steps)}, lambda: Text(str(output)))
+    return VerbAnswer(
+        "ok", {"file": str(output), "steps": len(plan.steps)}, lambda: Text(str(output))
+    )
 
 
 def _export_qif(target: str, output: Path | None) -> VerbAnswer:
@@ -93,7 +102,9 @@ def _export_pddl(target: str, goals: str, command: str, ground: bool, output: Pa
     from cellwright.engine.formats.interop.pddl import export as pddl
     from cellwright.engine.pipelines.planning import checked_plan
 
-    exported = pddl.export_problem(checked_plan.problem_of(target, goals, command), lifted=not ground)
+    exported = pddl.export_problem(
+        checked_plan.problem_of(target, goals, command), lifted=not ground
+    )
     domain, problem = pddl.write_pddl_files(exported, output)
     content = {
         "domain": str(domain),
@@ -103,5 +114,8 @@ def _export_pddl(target: str, goals: str, command: str, ground: bool, output: Pa
     }
     pddl_text = f"{domain}\n{problem}"
     if exported.why_ground:
-        pddl_text += f"\nwritten without variables, because the form with variables does not cover {exported.why_ground}"
+        pddl_text += (
+            "\nwritten without variables, because the form with variables does not cover "
+            f"{exported.why_ground}"
+        )
     return VerbAnswer("ok", content, lambda: Text(pddl_text))

@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
-from cellwright.engine.faces.cli.options.scene_options import Calibration, Image, SceneName, read_scene
+from cellwright.engine.faces.cli.options.scene_options import (
+    Calibration,
+    Image,
+    SceneName,
+    read_scene,
+)
 from cellwright.engine.faces.cli.options.shared_options import Format, Seed, number_option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS, GAVE_UP, INFEASIBLE
@@ -37,38 +42,48 @@ def assemble(
     image: Image = None,
     execute: Annotated[
         bool,
-        Option("--execute", help="carry it out in MuJoCo, with tests and repairs where it goes wrong"),
+        Option(
+            "--execute", help="carry it out in MuJoCo, with tests and repairs where it goes wrong"
+        ),
     ] = False,
     shift: Annotated[
         list[str] | None,
         Option(
             "--shift",
-            help="with --execute: move a part or a fixture after it was seen, NAME=X,Y,TURN in mm and degrees; may be repeated",
+            help="with --execute: move a part or a fixture after it was seen, NAME=X,Y,TURN in "
+            "mm and degrees; may be repeated",
         ),
     ] = None,
     remove: Annotated[
         list[str] | None,
-        Option("--remove", help="with --execute: take a part away after it was seen; may be repeated"),
+        Option(
+            "--remove", help="with --execute: take a part away after it was seen; may be repeated"
+        ),
     ] = None,
     knock: Annotated[
         str,
         Option(
             "--knock",
-            help="with --execute: the camera was knocked after it was calibrated, X,Y,Z,A,B,C in mm and degrees along its axes",
+            help="with --execute: the camera was knocked after it was calibrated, X,Y,Z,A,B,C in "
+            "mm and degrees along its axes",
         ),
     ] = "",
     calibration: Calibration = None,
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Put all parts of a scene where its relations say, in an order that the task planner finds and geometry proves."""
+    """Put all parts of a scene where its relations say, in an order that the task planner finds
+    and geometry proves.
+    """
     changes = (shift or [], remove or [])
     if (any(changes) or knock) and not execute:
         raise make_misfit("--shift, --remove and --knock change what is executed: add --execute")
     if image is not None and execute:
         raise make_misfit("--execute makes its images from the scene: leave out --image")
     done = (changes, knock) if execute else None
-    give_answer(lambda: _assemble_scene(base, read_scene(scene, calibration), image, seed, done), format)
+    give_answer(
+        lambda: _assemble_scene(base, read_scene(scene, calibration), image, seed, done), format
+    )
 
 
 def _assemble_scene(
@@ -99,12 +114,19 @@ def _assemble_scene(
     if shifts is not None and isinstance(assembly, assembly_order.Built):
         return _execute_assembly(assembly, domain, (shifts, knock), answer_text, seed)
     return VerbAnswer(
-        status, report.assembly_content(assembly), lambda: Text(answer_text), HANDEY_EXIT_CODES[status]
+        status,
+        report.assembly_content(assembly),
+        lambda: Text(answer_text),
+        HANDEY_EXIT_CODES[status],
     )
 
 
 def _execute_assembly(
-    made: "Built", domain: "Domain", changes: "tuple[Sequence[PartShift], CameraErrors]", said: str, seed: int
+    made: "Built",
+    domain: "Domain",
+    changes: "tuple[Sequence[PartShift], CameraErrors]",
+    said: str,
+    seed: int,
 ) -> VerbAnswer:
     from rich.text import Text
 
@@ -118,14 +140,19 @@ def _execute_assembly(
     content = {**planned.assembly_content(made), "execution": report.physics_content(done)}
     text = f"{said}\n{report.physics_text(done)}"
     return VerbAnswer(
-        outcome, content, lambda: Text(text), {"reached": 0, "partly": FINDINGS}.get(outcome, STOPPED)
+        outcome,
+        content,
+        lambda: Text(text),
+        {"reached": 0, "partly": FINDINGS}.get(outcome, STOPPED),
     )
 
 
 @app.command()
 def align(
     first: Annotated[str, Argument(metavar="FEATURE", help="of the part, such as angle.heel")],
-    kind: Annotated[str, Argument(metavar="RELATION", help="such as parallel, aligned or coplanar")],
+    kind: Annotated[
+        str, Argument(metavar="RELATION", help="such as parallel, aligned or coplanar")
+    ],
     second: Annotated[str, Argument(metavar="FEATURE", help="of another body, such as base.front")],
     scene: SceneName,
     by: Annotated[
@@ -139,7 +166,10 @@ def align(
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Plan one portion: take a part, and bring it to where one relation holds. It stays in the hand."""
+    """Plan one portion: take a part, and bring it to where one relation holds.
+
+    It stays in the hand.
+    """
     give_answer(lambda: _align_features(first, kind, second, by, scene, image, seed), format)
 
 
@@ -159,7 +189,9 @@ def _align_features(
     depth_image = read_depth(image, scene_camera.camera_of(read)) if image else None
     portion = place_operation.bring_to_relation(read, relation, seed, depth_image)
     status, text = report.portion_status(portion), report.portion_text(portion, relation)
-    return VerbAnswer(status, report.portion_content(portion), lambda: Text(text), HANDEY_EXIT_CODES[status])
+    return VerbAnswer(
+        status, report.portion_content(portion), lambda: Text(text), HANDEY_EXIT_CODES[status]
+    )
 
 
 @app.command()
@@ -172,7 +204,9 @@ def watch(
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Follow an operator who places a part, and warn as soon as the goal has become hard or impossible."""
+    """Follow an operator who places a part, and warn as soon as the goal has become hard or
+    impossible.
+    """
     give_answer(lambda: _watch_operator(part, base, scene, acts, image, seed), format)
 
 
@@ -195,11 +229,22 @@ def _watch_operator(
     depth_image = read_depth(image, scene_camera.camera_of(read)) if image else None
     state = arm_monitoring.begin_watching(read, part, base, seed, depth_image)
     if isinstance(state, NotPlaced):
-        why, status = placing_report.placing_text(state, part, base), placing_report.placing_status(state)
+        why, status = (
+            placing_report.placing_text(state, part, base),
+            placing_report.placing_status(state),
+        )
         return VerbAnswer(
-            status, placing_report.placing_content(state), lambda: Text(why), HANDEY_EXIT_CODES[status]
+            status,
+            placing_report.placing_content(state),
+            lambda: Text(why),
+            HANDEY_EXIT_CODES[status],
         )
     forecasts = list(arm_monitoring.watch_events(state, events))
     warned = any(forecast is not None for _, forecast in forecasts)
-    content, text = report.followed_content(state, forecasts), report.followed_text(state, forecasts)
-    return VerbAnswer("warned" if warned else "found", content, lambda: Text(text), FINDINGS if warned else 0)
+    content, text = (
+        report.followed_content(state, forecasts),
+        report.followed_text(state, forecasts),
+    )
+    return VerbAnswer(
+        "warned" if warned else "found", content, lambda: Text(text), FINDINGS if warned else 0
+    )

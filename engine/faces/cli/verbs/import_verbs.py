@@ -30,18 +30,23 @@ def qif(
     domain: Domain = "bulkhead",
     unit: Annotated[
         str,
-        Option(help="mm, cm, m or in: the unit of --edge-distance, and of a file that names no unit"),
+        Option(
+            help="mm, cm, m or in: the unit of --edge-distance, and of a file that names no unit"
+        ),
     ] = "mm",
     edge_distance: Annotated[
         float | None,
-        Option(min=0, callback=number_option, help="how far points on faces stay away from their edges"),
+        Option(
+            min=0, callback=number_option, help="how far points on faces stay away from their edges"
+        ),
     ] = None,
     format: Format = AnswerForm.TEXT,
 ) -> None:
     """Write a problem with the points at which the features of FILE are measured."""
     if file.suffix.lower() == ".csv":
         refuse_idle(
-            {"--edge-distance": edge_distance is not None}, "on a table, which says where its points are"
+            {"--edge-distance": edge_distance is not None},
+            "on a table, which says where its points are",
         )
     give_answer(lambda: _import_points(file, output, domain, unit, edge_distance), format)
 
@@ -51,7 +56,9 @@ def csv(
     file: Annotated[Path, Argument(help="a CSV table of points")],
     output: Output = None,
     domain: Domain = "bulkhead",
-    unit: Annotated[str, Option(help="the unit of the lengths in the table: mm, cm, m or in")] = "mm",
+    unit: Annotated[
+        str, Option(help="the unit of the lengths in the table: mm, cm, m or in")
+    ] = "mm",
     format: Format = AnswerForm.TEXT,
 ) -> None:
     """Write a problem with the points of a table."""
@@ -62,12 +69,19 @@ def _import_points(
     file: Path, output: Path | None, domain: str, unit: str, edge: float | None, table: bool = False
 ) -> VerbAnswer:
     from cellwright.engine.formats.interop.inspection_files import import_file, inspection_remarks
-    from cellwright.engine.formats.report.measurements.tool_groups import tool_groups_entry, tool_groups_text
+    from cellwright.engine.formats.report.measurements.tool_groups import (
+        tool_groups_entry,
+        tool_groups_text,
+    )
 
     inspection, partition, text = import_file(file, domain, unit, edge, table)
     target = output or Path(f"{file.stem}.yaml")
     _write_problem(target, text)
-    content = {"file": str(target), "features": inspection.features, "points": len(inspection.points)}
+    content = {
+        "file": str(target),
+        "features": inspection.features,
+        "points": len(inspection.points),
+    }
     return VerbAnswer(
         "ok",
         {**content, **tool_groups_entry(partition)},

@@ -7,12 +7,16 @@ from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAns
 
 LSP_PACKAGES = ("pygls", "lsprotocol")
 Stdio = Annotated[
-    bool, Option("--stdio", help="speak over standard input and output, as always", show_default=False)
+    bool,
+    Option("--stdio", help="speak over standard input and output, as always", show_default=False),
 ]
 
 
 def serve_lsp(_stdio: Stdio = True) -> None:
-    """Serve an editor that writes domains: errors while typing, completion, hover, rename. Editors start it (docs/editor.md)."""
+    """Serve an editor that writes domains: errors while typing, completion, hover, rename.
+
+    Editors start it (docs/editor.md).
+    """
     give_answer(_serve_lsp, AnswerForm.TEXT)
 
 
@@ -21,7 +25,9 @@ def _serve_lsp() -> VerbAnswer:
 
     from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
-    if missing := [package_name for package_name in LSP_PACKAGES if find_spec(package_name) is None]:
+    if missing := [
+        package_name for package_name in LSP_PACKAGES if find_spec(package_name) is None
+    ]:
         message = f"the language server needs {', '.join(missing)}"
         hint = "pip install 'cellwright[lsp]'"
         raise InvalidInput([Diagnostic(Source("cellwright lsp"), "K414", message, hint)])

@@ -118,7 +118,10 @@ def _macro_entry(each: "Stored", stale: tuple[str, ...] = ()) -> dict[str, Any]:
         "number": each.id,
         "macrop": str(each.macrop.name),
         "domain": each.macrop.domain,
-        "goals": [*map(str, each.macrop.goals), *(str(s) for c in each.macrop.chains for s in c.stages)],
+        "goals": [
+            *map(str, each.macrop.goals),
+            *(str(s) for c in each.macrop.chains for s in c.stages),
+        ],
         "steps": len(each.macrop.steps),
         "cost": each.macrop.cost,
         "uses": each.uses,
@@ -194,7 +197,8 @@ def _learn_macros(files: list[Path], store: str) -> VerbAnswer:
     lesson_lines = [f"{lesson.file}: {lesson}" for lesson in lessons]
     content = {
         "plans": [
-            {"file": str(e.file), "macrop": e.macrop, "name": e.name, "reason": e.reason} for e in lessons
+            {"file": str(e.file), "macrop": e.macrop, "name": e.name, "reason": e.reason}
+            for e in lessons
         ]
     }
     findings = tuple(diagnostic for lesson in lessons for diagnostic in lesson.diagnostics)
@@ -237,7 +241,10 @@ def _export_macros(file: Path, store: str, target: str) -> VerbAnswer:
 def _import_macros(file: Path, store: str) -> VerbAnswer:
     from rich.text import Text
 
-    from cellwright.engine.pipelines.planning.macros.macro_exchange import macro_records, read_macros
+    from cellwright.engine.pipelines.planning.macros.macro_exchange import (
+        macro_records,
+        read_macros,
+    )
     from cellwright.kb.store import Library
 
     imported_records = macro_records(read_macros(file))

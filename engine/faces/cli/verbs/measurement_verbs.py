@@ -20,13 +20,16 @@ if TYPE_CHECKING:
     from cellwright.engine.model.part_measurements import MeasurementPoint
     from cellwright.engine.model.shape_fits import Aligning, FitShape, Fitting
 
-ShapeName = Annotated[str, Argument(metavar="SHAPE", help="plane, sphere, cylinder, cone or circle")]
+ShapeName = Annotated[
+    str, Argument(metavar="SHAPE", help="plane, sphere, cylinder, cone or circle")
+]
 Points = Annotated[
     Path,
     Argument(metavar="POINTS", help="points: CSV with columns x, y, z, or .npy, .pcd, .ply"),
 ]
 Unit = Annotated[
-    str, Option("--unit", help="in what POINTS count: m, cm, mm or in; whole numbers in a .npy are mm")
+    str,
+    Option("--unit", help="in what POINTS count: m, cm, mm or in; whole numbers in a .npy are mm"),
 ]
 Noise = Annotated[
     float,
@@ -41,7 +44,9 @@ Noise = Annotated[
 Other = Annotated[
     tuple[str, str] | None,
     Option(
-        "--to", metavar="SHAPE POINTS", help="fit_shape another shape, too; tell the distance and angle to it"
+        "--to",
+        metavar="SHAPE POINTS",
+        help="fit_shape another shape, too; tell the distance and angle to it",
     ),
 ]
 ResultsFile = Annotated[
@@ -61,7 +66,8 @@ Moved = Annotated[
 ]
 
 
-SPACIOUS_M = 5.0  # points that no shape fits, and that span more, may have been meant in another unit
+# points that no shape fits, and that span more, may have been meant in another unit
+SPACIOUS_M = 5.0
 
 
 def fit_shape(
@@ -72,7 +78,9 @@ def fit_shape(
     unit: Unit = "m",
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Fit SHAPE to measured POINTS, without those that do not belong to it, and tell how sure its sizes are."""
+    """Fit SHAPE to measured POINTS, without those that do not belong to it, and tell how sure
+    its sizes are.
+    """
     asked = (
         [(_shape_named(shape), points)]
         if to is None
@@ -98,9 +106,11 @@ def align_part(
     output: Moved = None,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Tell where the part of TARGET lies by the profiles that were measured on it, and which of them are wrong.
+    """Tell where the part of TARGET lies by the profiles that were measured on it, and which of
+    them are wrong.
 
-    The points of the alignment are its datums, or all profiles if it has none. A sure answer needs some to spare.
+    The points of the alignment are its datums, or all profiles if it has none. A sure answer needs
+    some to spare.
     """
     give_answer(lambda: _align_part(target, results, noise * 1e-3, within, output), format)
 
@@ -129,7 +139,11 @@ def _fit_shapes(asked: "list[tuple[FitShape, Path]]", sigma_m: float, unit: str)
         "between": fit_report.related_entries(related),
     }
     wide = max(
-        (float(np.ptp(cloud_points, axis=0).max()) for _, cloud_points in clouds if len(cloud_points)),
+        (
+            float(np.ptp(cloud_points, axis=0).max())
+            for _, cloud_points in clouds
+            if len(cloud_points)
+        ),
         default=0.0,
     )
     unit_hint = f"\nthe points span {wide:.2g} m: if they do not count metres, say so with --unit"
@@ -145,7 +159,11 @@ def _fit_shapes(asked: "list[tuple[FitShape, Path]]", sigma_m: float, unit: str)
 def _align_part(
     target: str, path: Path, sigma_m: float, within: float | None, output: Path | None
 ) -> VerbAnswer:
-    from cellwright.engine.formats.interop.measured_alignment import datums_of, read_results, write_moved
+    from cellwright.engine.formats.interop.measured_alignment import (
+        datums_of,
+        read_results,
+        write_moved,
+    )
     from cellwright.engine.formats.report.measurements import fit_report
     from cellwright.engine.model.shape_fits import Alignment
     from cellwright.engine.pipelines.inspection.measurement_points import points_of_problem
@@ -170,7 +188,9 @@ def _align_part(
     return VerbAnswer(
         "ok" if fine else "refused",
         content,
-        lambda: fit_report.alignment_text(alignment, datums.names, places, str(output) if moved else ""),
+        lambda: fit_report.alignment_text(
+            alignment, datums.names, places, str(output) if moved else ""
+        ),
         0 if fine else FINDINGS,
     )
 
@@ -178,28 +198,40 @@ def _align_part(
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 File = Annotated[Path, Argument(help="a problem file")]
 Name = Annotated[str, Argument(help="the name of the measurement_group")]
-At = Annotated[tuple[float, float, float], Option("--at", help="the position: x y z in millimetres")]
+At = Annotated[
+    tuple[float, float, float], Option("--at", help="the position: x y z in millimetres")
+]
 Normal = Annotated[
-    tuple[float, float, float], Option("--normal", help="the direction away from the material: x y z")
+    tuple[float, float, float],
+    Option("--normal", help="the direction away from the material: x y z"),
 ]
 Kind = Annotated[str, Option("--kind", help="what is measured there: profile, thickness")]
-Tolerance = Annotated[float | None, Option("--tolerance", help="width of the tolerance zone in millimetres")]
-Nominal = Annotated[
-    float | None, Option("--nominal", help="what the measurement_group should give_answer, in millimetres")
+Tolerance = Annotated[
+    float | None, Option("--tolerance", help="width of the tolerance zone in millimetres")
 ]
-Bore = Annotated[float | None, Option("--bore", help="width of the hole around the point, in millimetres")]
+Nominal = Annotated[
+    float | None,
+    Option("--nominal", help="what the measurement_group should give_answer, in millimetres"),
+]
+Bore = Annotated[
+    float | None, Option("--bore", help="width of the hole around the point, in millimetres")
+]
 
 Tool = Annotated[str, Option("--tool", help="the tool that is to take it, if it can")]
 
 
 @app.callback()
 def measurement_group() -> None:
-    """List and change the measurements of a problem, and see what was measured: shapes through points, and where the part lies."""
+    """List and change the measurements of a problem, and see what was measured: shapes through
+    points, and where the part lies.
+    """
 
 
 @app.command("list")
 def list_measurements(target: Target, format: Format = AnswerForm.TEXT) -> None:
-    """List the measurements of TARGET: by tool, those that are done, and those that are impossible, with the reason."""
+    """List the measurements of TARGET: by tool, those that are done, and those that are
+    impossible, with the reason.
+    """
     give_answer(lambda: _list_measurements(target), format)
 
 
@@ -231,7 +263,8 @@ app.command("add")(
 app.command("edit")(
     _writing_command(
         "replaced",
-        "Change the position, kind, nominal value, tolerance, bore and tool of the measurement NAME in the problem FILE.",
+        "Change the position, kind, nominal value, tolerance, bore and tool of the measurement "
+        "NAME in the problem FILE.",
     )
 )
 
@@ -252,7 +285,10 @@ def remove(file: File, name: Name, format: Format = AnswerForm.TEXT) -> None:
 def _list_measurements(target: str) -> VerbAnswer:
     from rich.console import Group
 
-    from cellwright.engine.formats.report.measurements.tool_groups import tool_groups_entry, tool_groups_text
+    from cellwright.engine.formats.report.measurements.tool_groups import (
+        tool_groups_entry,
+        tool_groups_text,
+    )
     from cellwright.engine.formats.report.text_tables import TextTable
     from cellwright.engine.pipelines.inspection.arm_capabilities import partition_for_arms
     from cellwright.engine.pipelines.inspection.measurement_points import with_places
@@ -265,7 +301,9 @@ def _list_measurements(target: str) -> VerbAnswer:
     width = 3 if divided_points.impossible else 2  # a column of reasons, if there are any
     table = TextTable(("measurement", "by", "reason")[:width], [row[:width] for row in rows])
     return VerbAnswer(
-        "ok", tool_groups_entry(divided_points), lambda: Group(table, tool_groups_text(divided_points))
+        "ok",
+        tool_groups_entry(divided_points),
+        lambda: Group(table, tool_groups_text(divided_points)),
     )
 
 
@@ -287,7 +325,9 @@ def _measurement_point(
     tolerance, bore, wanted = (None if size is None else size * 1e-3 for size in sizes)
     place = (at[0] * 1e-3, at[1] * 1e-3, at[2] * 1e-3)
     unit = (normal[0] / length, normal[1] / length, normal[2] / length)
-    return MeasurementPoint(name, name, kind, place, unit, tolerance, bore, nominal_m=wanted, tool=tool)
+    return MeasurementPoint(
+        name, name, kind, place, unit, tolerance, bore, nominal_m=wanted, tool=tool
+    )
 
 
 def _change_measurements(file: Path, how: str, what: "MeasurementPoint | str") -> VerbAnswer:

@@ -13,7 +13,9 @@ MONITOR_PACKAGES = ("nicegui", "fastapi", "uvicorn")
 Host = Annotated[
     str,
     Option(
-        "--host", metavar="ADDRESS", help="serve on this address; beyond this machine, the page needs a token"
+        "--host",
+        metavar="ADDRESS",
+        help="serve on this address; beyond this machine, the page needs a token",
     ),
 ]
 Port = Annotated[int, Option("--port", min=1, max=65535, help="serve on this port")]
@@ -31,7 +33,10 @@ def serve_monitor(
     read_only: ReadOnly = False,
 ) -> None:
     """Serve a page on which runs are watched, steered and replayed. Ctrl-C ends it; runs go on."""
-    give_answer(lambda: _serve_monitor(run, store or default_store(), host, port, read_only), AnswerForm.TEXT)
+    give_answer(
+        lambda: _serve_monitor(run, store or default_store(), host, port, read_only),
+        AnswerForm.TEXT,
+    )
 
 
 def _serve_monitor(run: str, store: str, host: str, port: int, read_only: bool) -> VerbAnswer:
@@ -45,7 +50,9 @@ def _serve_monitor(run: str, store: str, host: str, port: int, read_only: bool) 
     shared = SharedState(store, read_only)
     if run:
         shared.follow(run)
-    typer.echo(f"{_page_address(host, port, run)}{'' if host in LOCAL_HOSTS else f'?token={shared.token}'}")
+    typer.echo(
+        f"{_page_address(host, port, run)}{'' if host in LOCAL_HOSTS else f'?token={shared.token}'}"
+    )
     run_web_server(shared, host, port)
     return VerbAnswer("ok", {"store": store}, lambda: Text("The monitor has ended; runs go on."))
 
@@ -66,7 +73,14 @@ def _needs_the_extra() -> None:
     if missing:
         message = f"the monitor needs {', '.join(missing)}"
         raise InvalidInput(
-            [Diagnostic(Source("cellwright monitor"), "K502", message, "pip install 'cellwright[monitor]'")]
+            [
+                Diagnostic(
+                    Source("cellwright monitor"),
+                    "K502",
+                    message,
+                    "pip install 'cellwright[monitor]'",
+                )
+            ]
         )
 
 

@@ -44,7 +44,10 @@ def film_of_plan(
     if not isinstance(outcome, Found):
         message = f"There is nothing to play: {outcome.reason}."
         return VerbAnswer(
-            outcome_status(outcome), {"reason": outcome.reason}, lambda: Text(message), exit_code(outcome)
+            outcome_status(outcome),
+            {"reason": outcome.reason},
+            lambda: Text(message),
+            exit_code(outcome),
         )
     semantics = PlanGate().semantics(posed_plan.moving.problem)
     takes = takes_of_plan(semantics, cell, outcome.plan, posed_plan.moving.steps)
@@ -66,11 +69,15 @@ def film_of_run(
 
     with Journal(store) as journal:
         about: Any = journal.known(run).document
-        problem: Problem = problem_of(str(about["target"]), str(about["goals"]), str(about["command"]))
+        problem: Problem = problem_of(
+            str(about["target"]), str(about["goals"]), str(about["command"])
+        )
         cell: Cell = cell_of(str(about["target"]))
         semantics = PlanGate().semantics(problem)
         lines = list(journal.lines(run, kinds=("done", "world")))
-        walk = PlanWalk(semantics, with_seen(cell, _obstacles_met(lines, cell)), geometry_backend(), seed)
+        walk = PlanWalk(
+            semantics, with_seen(cell, _obstacles_met(lines, cell)), geometry_backend(), seed
+        )
         takes = takes_of_run(walk, semantics.initial(), _told_changes(lines))
         return _write_film(list(shots_of_film(takes, every_s)), output, every_s, seen)
 
@@ -80,7 +87,9 @@ def _obstacles_met(lines: Any, cell: "Cell") -> "list[SeenBody]":
     from cellwright.engine.model.run_protocol import BODIES_SEEN
     from cellwright.engine.pipelines.motion.seen_bodies import seen_in
 
-    bodies = {name: at for line in lines for name, at in line.content.get("bodies", {}).items() if at}
+    bodies = {
+        name: at for line in lines for name, at in line.content.get("bodies", {}).items() if at
+    }
     return list(seen_in({BODIES_SEEN: bodies}, cell)[0])
 
 
@@ -120,5 +129,7 @@ def _write_film(
         output.write_text(motion_pictures.film_gltf(shots), encoding="utf-8")
         film_text = f"{lasts:.0f} s in {output}"
     return VerbAnswer(
-        "found", {"seconds": round(lasts, 3), "files": [str(file) for file in files]}, lambda: Text(film_text)
+        "found",
+        {"seconds": round(lasts, 3), "files": [str(file) for file in files]},
+        lambda: Text(film_text),
     )

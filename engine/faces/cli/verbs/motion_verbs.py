@@ -9,9 +9,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit, refuse_idle
-from cellwright.engine.faces.cli.options.shared_options import Cluster, Format, Seed, Target, number_option
-from cellwright.engine.faces.cli.options.worker_options import WorkerOptions, crew_asked, progress_of
+from cellwright.engine.faces.cli.option_declarations import (
+    Argument,
+    Option,
+    make_misfit,
+    refuse_idle,
+)
+from cellwright.engine.faces.cli.options.shared_options import (
+    Cluster,
+    Format,
+    Seed,
+    Target,
+    number_option,
+)
+from cellwright.engine.faces.cli.options.worker_options import (
+    WorkerOptions,
+    crew_asked,
+    progress_of,
+)
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE
 
@@ -22,12 +37,15 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 MOTION_EXIT_CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
 MOTION_END_FORMS = (
-    'home, a place of the cell, joint values "0, 90, 0, 0, 45, 0", "point X, Y, Z" or "pose X, Y, Z, R, P, Y"'
+    'home, a place of the cell, joint values "0, 90, 0, 0, 45, 0", "point X, Y, Z" or "pose X, '
+    'Y, Z, R, P, Y"'
 )
 
 
 class MotionStrategy(StrEnum):
-    """The strategies of `cellwright.engine.model.motion_values`, named here so that help needs no array library."""
+    """The strategies of `cellwright.engine.model.motion_values`, named here so that help needs
+    no array library.
+    """
 
     CONNECT = "connect"
     VISIBILITY = "visibility"
@@ -53,10 +71,15 @@ class TableForm(StrEnum):
 
 
 From = Annotated[str, Option("--from", help=f"where it starts: {MOTION_END_FORMS}")]
-To = Annotated[list[str] | None, Option("--to", help="where it goes: the same; of several, one is reached")]
-Problems = Annotated[Path | None, Option(help="replay this set of problems, in place of --from and --to")]
+To = Annotated[
+    list[str] | None, Option("--to", help="where it goes: the same; of several, one is reached")
+]
+Problems = Annotated[
+    Path | None, Option(help="replay this set of problems, in place of --from and --to")
+]
 Margin = Annotated[
-    float, Option(min=0, max=10, callback=number_option, help="metres that everything must stay clear")
+    float,
+    Option(min=0, max=10, callback=number_option, help="metres that everything must stay clear"),
 ]
 Bridges = Annotated[
     int, Option(min=0, max=100_000, help="short cuts that are tried: more work, a shorter path")
@@ -64,14 +87,19 @@ Bridges = Annotated[
 Strategy = Annotated[
     MotionStrategy,
     Option(
-        metavar="WAY", help="connect: two trees; visibility: the hand first; reduced: three joints at a time"
+        metavar="WAY",
+        help="connect: two trees; visibility: the hand first; reduced: three joints at a time",
     ),
 ]
 Refine = Annotated[
     int,
-    Option(min=0, max=100_000_000, help="configurations to look at for a shorter path, such as 100000"),
+    Option(
+        min=0, max=100_000_000, help="configurations to look at for a shorter path, such as 100000"
+    ),
 ]
-Budget = Annotated[int, Option(min=1, max=1_000_000_000, help="configurations to look at before it gives up")]
+Budget = Annotated[
+    int, Option(min=1, max=1_000_000_000, help="configurations to look at before it gives up")
+]
 Upright = Annotated[
     float,
     Option(
@@ -81,18 +109,27 @@ Upright = Annotated[
         help="degrees by which what is in hand may tilt; 0: as it likes",
     ),
 ]
-Direct = Annotated[bool, Option("--direct", help="no straight lines of the tool out of places and into them")]
+Direct = Annotated[
+    bool, Option("--direct", help="no straight lines of the tool out of places and into them")
+]
 Tool = Annotated[str, Option(help="the tool in hand, where no place says which")]
 Rest = Annotated[bool, Option("--rest", help="rest at each configuration, and cut no corner")]
 MotionJobs = Annotated[
-    int, Option("--jobs", min=0, help="number_option of processes; 0 means as many as there are processors")
+    int,
+    Option(
+        "--jobs", min=0, help="number_option of processes; 0 means as many as there are processors"
+    ),
 ]
 Notes = Annotated[
     str,
-    Option("--store", help="a library that notes what is finished, until all is: the next call goes on"),
+    Option(
+        "--store", help="a library that notes what is finished, until all is: the next call goes on"
+    ),
 ]
 Shown = Annotated[MotionForm, Option("--format", help="how it is shown")]
-Azimuth = Annotated[float, Option(callback=number_option, help="degrees about z from which a PNG is seen")]
+Azimuth = Annotated[
+    float, Option(callback=number_option, help="degrees about z from which a PNG is seen")
+]
 Elevation = Annotated[float, Option(callback=number_option, help="degrees above the ground")]
 Output = Annotated[Path | None, Option("--output", "-o", help="the file to write")]
 
@@ -137,7 +174,16 @@ def plan_motion(
 
         planner_strategy, tilt_rad = Strategy(strategy.value), math.radians(upright)
         return MotionWish(
-            margin, seed, bridges, planner_strategy, direct, tool, not rest, refine, tilt_rad, budget
+            margin,
+            seed,
+            bridges,
+            planner_strategy,
+            direct,
+            tool,
+            not rest,
+            refine,
+            tilt_rad,
+            budget,
         )
 
     if problems is not None:
@@ -147,14 +193,21 @@ def plan_motion(
 
 
 def _replay_set(
-    target: str, problems: Path, wished: "Callable[[], MotionWish]", output: Path | None, work: WorkerOptions
+    target: str,
+    problems: Path,
+    wished: "Callable[[], MotionWish]",
+    output: Path | None,
+    work: WorkerOptions,
 ) -> VerbAnswer:
 
     return replay_problem_set(target, problems, wished, output, work)
 
 
 def _worker_options(jobs: int, cluster: str, store: str, idle: str = "") -> WorkerOptions:
-    """How units of work are carried out. Raises `IdleOption` for --jobs beside --cluster, or for any where they are idle."""
+    """How units of work are carried out.
+
+    Raises `IdleOption` for --jobs beside --cluster, or for any where they are idle.
+    """
     if idle:
         refuse_idle({"--jobs": jobs != 1, "--cluster": cluster, "--store": store}, idle)
     if cluster:
@@ -163,12 +216,18 @@ def _worker_options(jobs: int, cluster: str, store: str, idle: str = "") -> Work
 
 
 def _refuse_misfits(
-    problems: Path | None, start: str, goal: list[str] | None, format: MotionForm, output: Path | None
+    problems: Path | None,
+    start: str,
+    goal: list[str] | None,
+    format: MotionForm,
+    output: Path | None,
 ) -> None:
     """Refuse options that do not go together."""
     pictured = format not in (MotionForm.TEXT, MotionForm.JSON)
     if problems is not None:
-        refuse_idle({"--from": start, "--to": goal, f"--format {format}": pictured}, "with --problems")
+        refuse_idle(
+            {"--from": start, "--to": goal, f"--format {format}": pictured}, "with --problems"
+        )
     elif not (start and goal):
         raise make_misfit("give --from and --to, or --problems")
     elif not pictured:
@@ -185,7 +244,9 @@ def motion_problems(
     seed: Seed = 0,
     output: Output = None,
 ) -> None:
-    """Draw motion problems in the cell of TARGET: to free configurations and places, from free configurations."""
+    """Draw motion problems in the cell of TARGET: to free configurations and places, from free
+    configurations.
+    """
 
     give_answer(lambda: generate_problem_set(target, count, seed, tool, output), AnswerForm.TEXT)
 
@@ -207,24 +268,38 @@ def motion_travel(
     form = AnswerForm.JSON if format is TableForm.JSON else AnswerForm.TEXT
     work = _worker_options(jobs, cluster, store)
     give_answer(
-        lambda: travel_table_answer(target, tool, tuple(place or ()), format is TableForm.FACTS, work), form
+        lambda: travel_table_answer(
+            target, tool, tuple(place or ()), format is TableForm.FACTS, work
+        ),
+        form,
     )
 
 
-Played = Annotated[str, Argument(metavar="TARGET", help="what `plan` takes; leave it out with --run")]
+Played = Annotated[
+    str, Argument(metavar="TARGET", help="what `plan` takes; leave it out with --run")
+]
 Film = Annotated[
     Path | None,
-    Option("--output", "-o", help="FILE.gltf for a scene that moves, FILE.png for numbered pictures"),
+    Option(
+        "--output", "-o", help="FILE.gltf for a scene that moves, FILE.png for numbered pictures"
+    ),
 ]
 RunName = Annotated[str, Option("--run", help="play this run from its journal")]
 Journals = Annotated[
     str,
-    Option("--store", envvar="CELLWRIGHT_STORE", help="with --run: the journal; else where poses are kept"),
+    Option(
+        "--store",
+        envvar="CELLWRIGHT_STORE",
+        help="with --run: the journal; else where poses are kept",
+    ),
 ]
 Every = Annotated[
     float,
     Option(
-        min=0, max=3600, callback=number_option, help="seconds between two shots; 0: 0.1, or 1 for pictures"
+        min=0,
+        max=3600,
+        callback=number_option,
+        help="seconds between two shots; 0: 0.1, or 1 for pictures",
     ),
 ]
 
@@ -274,7 +349,10 @@ def _plan_motion(
     from cellwright.engine.pipelines.motion.arm_motion import MotionSite, plan_named_motion
 
     planned_motion = plan_named_motion(MotionSite.of(target), *ends, wished())
-    status, motion_text = report.motion_status(planned_motion.answer), report.motion_text(planned_motion)
+    status, motion_text = (
+        report.motion_status(planned_motion.answer),
+        report.motion_text(planned_motion),
+    )
     if form not in (MotionForm.TEXT, MotionForm.JSON):
         drawn = _draw_motion(planned_motion, form, seen)
         if output is None and drawn:
@@ -283,36 +361,48 @@ def _plan_motion(
             output.write_bytes(drawn)
             motion_text = f"{motion_text}\n{output}"
     return VerbAnswer(
-        status, report.motion_content(planned_motion), lambda: Text(motion_text), MOTION_EXIT_CODES[status]
+        status,
+        report.motion_content(planned_motion),
+        lambda: Text(motion_text),
+        MOTION_EXIT_CODES[status],
     )
 
 
 def _draw_motion(found: "ArmMotion", form: MotionForm, seen: tuple[float, float]) -> bytes:
-    """The picture of a motion. Where there is no path, only PNG has one: where it is blocked worst."""
+    """The picture of a motion.
+
+    Where there is no path, only PNG has one: where it is blocked worst.
+    """
     from cellwright.engine.formats.report.cells import motion_pictures as pictures
 
     if form is MotionForm.PNG:
         return pictures.motion_png(found, *seen)
     if not found.legs:
         return b""
-    return (pictures.motion_svg(found) if form is MotionForm.SVG else pictures.motion_gltf(found)).encode(
-        "utf-8"
-    )
+    return (
+        pictures.motion_svg(found) if form is MotionForm.SVG else pictures.motion_gltf(found)
+    ).encode("utf-8")
 
 
-def generate_problem_set(target: str, count: int, seed: int, tool: str, output: Path | None) -> VerbAnswer:
+def generate_problem_set(
+    target: str, count: int, seed: int, tool: str, output: Path | None
+) -> VerbAnswer:
     """A new problem set, printed or written."""
     from rich.text import Text
 
     from cellwright.engine.pipelines.motion.arm_motion import MotionSite
-    from cellwright.engine.pipelines.motion.problem_sets import draw_motion_problems, problem_entries
+    from cellwright.engine.pipelines.motion.problem_sets import (
+        draw_motion_problems,
+        problem_entries,
+    )
 
     listed = problem_entries(draw_motion_problems(MotionSite.of(target), count, seed, tool))
     if output is None:
         return VerbAnswer("found", raw=_problem_set_text({"problems": listed}))
     output.write_text(_problem_set_text({"problems": listed}), encoding="utf-8")
     saved_text = (
-        f"{len(listed)} problems in {output}; replay them with: motion plan {target} --problems {output}"
+        f"{len(listed)} problems in {output}; replay them with: motion plan {target} --problems "
+        f"{output}"
     )
     return VerbAnswer("found", {"problems": listed}, lambda: Text(saved_text))
 
@@ -377,7 +467,11 @@ def travel_table_answer(
     with SearchInterruption() as interrupted:
         travel_times = table_by(target, tool, places, crew, work.store, interrupted)
     if facts:
-        return VerbAnswer("found", raw="".join(f"  - {fact}\n" for fact in travel_times.facts(unit_s)))
+        return VerbAnswer(
+            "found", raw="".join(f"  - {fact}\n" for fact in travel_times.facts(unit_s))
+        )
     return VerbAnswer(
-        "found", report.travel_entry(travel_times, unit_s), lambda: report.travel_table(travel_times)
+        "found",
+        report.travel_entry(travel_times, unit_s),
+        lambda: report.travel_table(travel_times),
     )

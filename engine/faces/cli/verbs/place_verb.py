@@ -7,7 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
-from cellwright.engine.faces.cli.options.scene_options import Calibration, Image, SceneName, read_scene
+from cellwright.engine.faces.cli.options.scene_options import (
+    Calibration,
+    Image,
+    SceneName,
+    read_scene,
+)
 from cellwright.engine.faces.cli.options.shared_options import Format, Seed
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE, STOPPED
@@ -29,7 +34,8 @@ Again = Annotated[
     Path | None,
     Option(
         "--again",
-        help="a depth image taken just before the part is grasped: what has moved since is planned anew",
+        help="a depth image taken just before the part is grasped: what has moved since is "
+        "planned anew",
     ),
 ]
 
@@ -56,38 +62,52 @@ def place_part_on_base(
         GraspApproach,
         Option(
             metavar="WAY",
-            help="complete: straight, else the best way in the grasp plane; straight; potential: Handey's field of forces",
+            help="complete: straight, else the best way in the grasp plane; straight; potential: "
+            "Handey's field of forces",
         ),
     ] = GraspApproach.COMPLETE,
     strategy: Strategy = MotionStrategy.CONNECT,
     execute: Annotated[bool, Option("--execute", help="carry it out in MuJoCo")] = False,
     approve: Annotated[
-        bool, Option("--approve", help="with --execute: show the plan and ask before anything moves")
+        bool,
+        Option("--approve", help="with --execute: show the plan and ask before anything moves"),
     ] = False,
     output: Annotated[
         Path | None,
-        Option("--output", "-o", help="a folder for a picture of each stage, and a preview of the motion"),
+        Option(
+            "--output",
+            "-o",
+            help="a folder for a picture of each stage, and a preview of the motion",
+        ),
     ] = None,
 ) -> None:
-    """Place a part ON another one, as the relations of a scene say: find it, grasp it, and plan all motions."""
+    """Place a part ON another one, as the relations of a scene say: find it, grasp it, and plan
+    all motions.
+    """
     if on.lower() != "on":
         raise make_misfit(f"write: place {part} on {base}", param_hint="ON")
     names, images, moves = (part, base), (image, again), (execute, approve)
     manner = approach.value, strategy.value
     _refuse_misfits(images, moves)
     give_answer(
-        lambda: _place_part(names, read_scene(scene, calibration), images, seed, manner, moves, output),
+        lambda: _place_part(
+            names, read_scene(scene, calibration), images, seed, manner, moves, output
+        ),
         format,
     )
 
 
 def _refuse_misfits(images: tuple[Path | None, Path | None], moves: tuple[bool, bool]) -> None:
-    """Refuse options that do not go together: images of files, and what is carried out and asked for."""
+    """Refuse options that do not go together: images of files, and what is carried out and
+    asked for.
+    """
     execute, approve = moves
     if approve and not execute:
         raise make_misfit("--approve asks before something moves: add --execute")
     if execute and any(images):
-        raise make_misfit("--execute makes its images from the scene: leave out --image and --again")
+        raise make_misfit(
+            "--execute makes its images from the scene: leave out --image and --again"
+        )
 
 
 def _place_part(
@@ -120,7 +140,11 @@ def _place_part(
     before = ""
     if later is not None and isinstance(placing_answer, Placed):
         since = place_operation.look_again(read, part, base, placing_answer, later)
-        placing_answer, looked, before = since.answer, since.looked, report.second_look_text(since, part)
+        placing_answer, looked, before = (
+            since.answer,
+            since.looked,
+            report.second_look_text(since, part),
+        )
     status, answer_text = (
         report.placing_status(placing_answer),
         before + report.placing_text(placing_answer, part, base),
@@ -131,11 +155,16 @@ def _place_part(
     if moves[0] and isinstance(placing_answer, Placed):
         return _execute_placing(read, part, placing_answer, moves[1], answer_text)
     return VerbAnswer(
-        status, report.placing_content(placing_answer), lambda: Text(answer_text), PLACE_EXIT_CODES[status]
+        status,
+        report.placing_content(placing_answer),
+        lambda: Text(answer_text),
+        PLACE_EXIT_CODES[status],
     )
 
 
-def _execute_placing(read: "Scene", part: str, found: "Placed", approve: bool, said: str) -> VerbAnswer:
+def _execute_placing(
+    read: "Scene", part: str, found: "Placed", approve: bool, said: str
+) -> VerbAnswer:
     """What comes of a plan in physics, if whoever is asked approves it."""
     from rich.text import Text
 
@@ -152,7 +181,10 @@ def _execute_placing(read: "Scene", part: str, found: "Placed", approve: bool, s
     content = {**planned, "execution": physics_report.carried_content(done)}
     execution_text = text if approve else f"{said}\n{text}"
     return VerbAnswer(
-        done.status, content, lambda: Text(execution_text), 0 if done.status == "reached" else STOPPED
+        done.status,
+        content,
+        lambda: Text(execution_text),
+        0 if done.status == "reached" else STOPPED,
     )
 
 
@@ -170,7 +202,12 @@ HAND_BLOCK_NAMES = {
 
 
 def draw_placing(
-    scene: "Scene", part: str, found: "PlaceAnswer", looked: "SceneView", manner: "MotionManner", folder: Path
+    scene: "Scene",
+    part: str,
+    found: "PlaceAnswer",
+    looked: "SceneView",
+    manner: "MotionManner",
+    folder: Path,
 ) -> Iterator[Path]:
     """Write the pictures of an answer into a folder, and tell their files."""
     from cellwright.engine.pipelines.manipulation.place_answers import Placed
@@ -222,7 +259,9 @@ def _placing_task(
     from cellwright.engine.pipelines.manipulation.workspace import AssemblySite
     from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 
-    site = AssemblySite.of(scene, GeometricWorld.of(scene.cell), looked, {part: found.T_world_part}, manner)
+    site = AssemblySite.of(
+        scene, GeometricWorld.of(scene.cell), looked, {part: found.T_world_part}, manner
+    )
     return site.task(part, (found.T_world_part, found.T_world_goal))
 
 

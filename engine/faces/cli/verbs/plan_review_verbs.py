@@ -4,7 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit, refuse_idle
+from cellwright.engine.faces.cli.option_declarations import (
+    Argument,
+    Option,
+    make_misfit,
+    refuse_idle,
+)
 from cellwright.engine.faces.cli.options.shared_options import (
     Command,
     Expansions,
@@ -32,9 +37,13 @@ def explain_target(
     time_limit: TimeLimit = None,
     expansions: Expansions = 1_000_000,
 ) -> None:
-    """Explain why TARGET has no plan and which changes would allow one; or why STEP is in the plan TARGET."""
+    """Explain why TARGET has no plan and which changes would allow one; or why STEP is in the
+    plan TARGET.
+    """
     if step is None:
-        give_answer(lambda: _explain_problem(target, goals, command, time_limit, expansions), format)
+        give_answer(
+            lambda: _explain_problem(target, goals, command, time_limit, expansions), format
+        )
     refuse_idle({"--goals": goals, "--command": command}, "on a step: the plan contains its goals")
     give_answer(lambda: _explain_step(Path(target), step), format)
 
@@ -54,9 +63,14 @@ def _explain_problem(
         plan_explanation = explanation.explain_infeasibility(
             problem, SearchLimits(expansions=expansions, interrupted=interrupted)
         )
-    code = INTERRUPTED if interrupted.heard else GAVE_UP if plan_explanation.status == "unknown" else 0
+    code = (
+        INTERRUPTED if interrupted.heard else GAVE_UP if plan_explanation.status == "unknown" else 0
+    )
     return VerbAnswer(
-        plan_explanation.status, explanation_entry(plan_explanation), lambda: text(plan_explanation), code
+        plan_explanation.status,
+        explanation_entry(plan_explanation),
+        lambda: text(plan_explanation),
+        code,
     )
 
 
@@ -74,9 +88,13 @@ def _explain_step(file: Path, number: int) -> VerbAnswer:
 def validate_plan_file(
     file: Annotated[Path, Argument(help="a plan in JSON; with --pddl the PDDL domain")],
     task: Annotated[Path | None, Argument(help="with --pddl: the PDDL problem")] = None,
-    made: Annotated[Path | None, Argument(help="with --pddl: the plan, one action per line")] = None,
+    made: Annotated[
+        Path | None, Argument(help="with --pddl: the plan, one action per line")
+    ] = None,
     pddl: Pddl = False,
-    problem: Annotated[str, Option(help="check it against this problem instead of the one it carries")] = "",
+    problem: Annotated[
+        str, Option(help="check it against this problem instead of the one it carries")
+    ] = "",
     export: Annotated[
         str, Option(help="FILE is a plan that a PDDL planner found for the export of this target")
     ] = "",
@@ -87,7 +105,9 @@ def validate_plan_file(
     ] = False,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
+    """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the
+    independent checker.
+    """
     if (pddl, pddl) != (task is not None, made is not None):
         alone = "give the plan's file alone, which carries its problem (--problem names another); "
         raise make_misfit(f"{'' if pddl else alone}--pddl takes a domain, a problem and a plan")
@@ -95,7 +115,8 @@ def validate_plan_file(
         own = {"--goals": goals, "--command": command, "--ground": ground}
         refuse_idle(own, "without --export: a plan contains its problem")
     refuse_idle(
-        {"--problem": problem and (pddl or export)}, "with --pddl or --export, which name the problem"
+        {"--problem": problem and (pddl or export)},
+        "with --pddl or --export, which name the problem",
     )
     refuse_idle({"--pddl": pddl and export}, "with --export, which takes one file")
     if export:
@@ -137,8 +158,13 @@ def _validate_plan(file: Path, target: str) -> VerbAnswer:
     return _plan_verdict(own, plan, str(file), claims)
 
 
-def _plan_verdict(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None" = None) -> VerbAnswer:
-    """The verdict of the checker. What it prints of the plan is computed from the steps, which are as the domain says."""
+def _plan_verdict(
+    problem: "Problem", plan: "Plan", name: str, claims: "Claims | None" = None
+) -> VerbAnswer:
+    """The verdict of the checker.
+
+    What it prints of the plan is computed from the steps, which are as the domain says.
+    """
     from rich.text import Text
 
     from cellwright.engine.pipelines.planning import plan_files
@@ -148,7 +174,11 @@ def _plan_verdict(problem: "Problem", plan: "Plan", name: str, claims: "Claims |
         counts = {"steps": len(plan.steps), "links": len(plan.links)}
         return VerbAnswer("invalid", counts, code=FINDINGS, diagnostics=tuple(plan_diagnostics))
     last = plan_files.plan_end(plan, claims)
-    content: dict[str, object] = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
+    content: dict[str, object] = {
+        "steps": len(plan.steps),
+        "cost": plan.cost,
+        "links": len(plan.links),
+    }
     lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
     steps, links = count_noun(len(plan.steps), "step"), count_noun(len(plan.links), "causal link")
     verdict_text = f"valid: {steps}, cost {plan.cost}{lasts}, {links}"
@@ -166,7 +196,9 @@ def revise_plan_file(
     lost: Annotated[
         str, Option(help="tools and resources that can no longer be used, such as us_probe")
     ] = "",
-    both: Annotated[bool, Option("--both", help="always replan too, and take the cheaper plan")] = False,
+    both: Annotated[
+        bool, Option("--both", help="always replan too, and take the cheaper plan")
+    ] = False,
     time_limit: TimeLimit = None,
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,
@@ -179,7 +211,9 @@ def revise_plan_file(
 
 @dataclass(frozen=True, slots=True)
 class Observations:
-    """What is known of the world, as it is given: steps done, facts that hold or do not hold, and what is lost."""
+    """What is known of the world, as it is given: steps done, facts that hold or do not hold,
+    and what is lost.
+    """
 
     done: str
     holds: str
@@ -203,7 +237,12 @@ def _revise_plan(
         problem, plan = plan_in(file)
         limits = SearchLimits(expansions, interrupted=interrupted, seed=seed)
         revision, follows = revised_now(
-            problem, plan, (given.done, given.holds, given.gone, given.lost), limits, both, plan_in_sequence
+            problem,
+            plan,
+            (given.done, given.holds, given.gone, given.lost),
+            limits,
+            both,
+            plan_in_sequence,
         )
     content = {
         **json_answers.outcome_entry(revision.outcome, revision.problem),

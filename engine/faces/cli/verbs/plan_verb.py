@@ -5,7 +5,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit, refuse_idle
+from cellwright.engine.faces.cli.option_declarations import (
+    Argument,
+    Option,
+    make_misfit,
+    refuse_idle,
+)
 from cellwright.engine.faces.cli.options.shared_options import (
     Anytime,
     Before,
@@ -40,7 +45,9 @@ if TYPE_CHECKING:
 
 
 class PlanForm(StrEnum):
-    """How a plan is written: as a table, as data, as a picture of its partial order, or in the format of PDDL planners."""
+    """How a plan is written: as a table, as data, as a picture of its partial order, or in the
+    format of PDDL planners.
+    """
 
     TEXT = "text"
     JSON = "json"
@@ -50,7 +57,9 @@ class PlanForm(StrEnum):
 
 
 def raw_plan(made: "PlanAnswer", form: PlanForm, task: "PddlProblem | None") -> str | None:
-    """The plan as a file of its own: DOT, SVG, or IPC for a PDDL `task`. None without a plan, and for the other forms."""
+    """The plan as a file of its own: DOT, SVG, or IPC for a PDDL `task`. None without a plan,
+    and for the other forms.
+    """
     from cellwright.engine.model.outcome import Found
 
     if form is PlanForm.IPC:
@@ -77,7 +86,9 @@ def _ipc_plan(made: "PlanAnswer", task: "PddlProblem | None") -> str | None:
 
     if task is None:
         hint = "give --pddl"
-        raise InvalidInput([Diagnostic(Source("--format"), "K409", "ipc is a format for PDDL tasks", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source("--format"), "K409", "ipc is a format for PDDL tasks", hint)]
+        )
     outcome = made.run.outcome
     return write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
 
@@ -93,11 +104,15 @@ Objective = Annotated[
     PlanObjective | None,
     Option(
         "--objective",
-        help="what the plan_target should have least of; without it makespan, then cost, where steps take time, else cost",
+        help="what the plan_target should have least of; without it makespan, then cost, where "
+        "steps take time, else cost",
     ),
 ]
 Folded = Annotated[
-    bool, Option("--folded", help="with --store: print the MACROPs in the plan_target instead of its steps")
+    bool,
+    Option(
+        "--folded", help="with --store: print the MACROPs in the plan_target instead of its steps"
+    ),
 ]
 
 
@@ -117,7 +132,8 @@ Order = Annotated[
     MeasurementOrdering | None,
     Option(
         "--order",
-        help="who orders measurements: the sequencer, or the planner alone (free); without it the sequencer, unless "
+        help="who orders measurements: the sequencer, or the planner alone (free); without it "
+        "the sequencer, unless "
         "--objective, --strategy, --race or --anytime asks the planner",
     ),
 ]
@@ -149,8 +165,12 @@ def plan_target(
     lasts: Lasts = None,
     before: Before = None,
 ) -> None:
-    """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
-    plan_request = PlanRequest(target, goals, command, task, (window or [], lasts or [], before or []))
+    """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem
+    TASK.
+    """
+    plan_request = PlanRequest(
+        target, goals, command, task, (window or [], lasts or [], before or [])
+    )
     _refuse_misfits(plan_request, pddl, strategy if race else "auto", motion)
     kind = answer_form(output, format, PlanForm.TEXT)
     _refuse_unseen(PlanForm.TEXT if output else kind, stats, folded, store)
@@ -162,7 +182,16 @@ def plan_target(
     )
     ordered = _choose_ordering(order, searching)
     work = SearchOptions(
-        time_limit, expansions, seed, planner_strategy, anytime, store, folded, wish, ordered, motion
+        time_limit,
+        expansions,
+        seed,
+        planner_strategy,
+        anytime,
+        store,
+        folded,
+        wish,
+        ordered,
+        motion,
     )
     give_answer(
         lambda: _plan_target(plan_request, kind, stats, work),
@@ -177,11 +206,15 @@ def _choose_ordering(
     """Who orders measurements. Options that ask the planner to search leave the order to it."""
     if given is MeasurementOrdering.SEQUENCE:
         refuse_idle(searching, "with --order sequence: the planner seeks no order then")
-    return given or (MeasurementOrdering.FREE if any(searching.values()) else MeasurementOrdering.SEQUENCE)
+    return given or (
+        MeasurementOrdering.FREE if any(searching.values()) else MeasurementOrdering.SEQUENCE
+    )
 
 
 def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool) -> None:
-    """Refuse options that do not go together; `raced` is the strategy that is asked for beside a race of all."""
+    """Refuse options that do not go together; `raced` is the strategy that is asked for beside
+    a race of all.
+    """
     if pddl and motion:
         raise make_misfit("--motion needs a cell: a PDDL problem has none")
     if pddl != (wanted.pddl is not None):
@@ -191,7 +224,9 @@ def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool)
         own |= dict(zip(("--window", "--lasts", "--before"), wanted.demands, strict=True))
         refuse_idle(own, "with --pddl: the PDDL problem says all that is wanted")
     if raced != "auto":
-        refuse_idle({"--strategy": raced}, "with --race, which runs all of them: leave one of the two out")
+        refuse_idle(
+            {"--strategy": raced}, "with --race, which runs all of them: leave one of the two out"
+        )
 
 
 def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> None:
@@ -206,7 +241,9 @@ def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> Non
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """What is to be planned: a target, goals or a command that replace its own, and windows, durations and orders of visits."""
+    """What is to be planned: a target, goals or a command that replace its own, and windows,
+    durations and orders of visits.
+    """
 
     target: str
     goals: str = ""
@@ -239,7 +276,9 @@ def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
     return read_pddl_task(Path(wanted.target), wanted.pddl)
 
 
-def _plan_target(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> VerbAnswer:
+def _plan_target(
+    wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions
+) -> VerbAnswer:
     from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.formats.report import json_answers
     from cellwright.engine.formats.report.plans import plan_answer
@@ -263,7 +302,10 @@ def _plan_target(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchO
 
 
 def _make_plan(
-    wanted: PlanRequest, task: "PddlProblem | None", work: SearchOptions, interrupted: "SearchInterruption"
+    wanted: PlanRequest,
+    task: "PddlProblem | None",
+    work: SearchOptions,
+    interrupted: "SearchInterruption",
 ) -> "PlanAnswer":
     """The plan, with the motions of its steps if they are asked for."""
     from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
@@ -299,9 +341,16 @@ def _wanted_problem(wanted: PlanRequest) -> "Problem":
     return as_facts(problem, of_options(*wanted.demands))
 
 
-def _search_limits(work: SearchOptions, interrupted: "SearchInterruption", pddl: bool) -> "SearchLimits":
+def _search_limits(
+    work: SearchOptions, interrupted: "SearchInterruption", pddl: bool
+) -> "SearchLimits":
     """When the search ends. A PDDL problem gets little room for exact search, and no restarts."""
-    from cellwright.engine.stages.planning import RESTARTS, SMALL_STATE_ROOM, STATE_ROOM, SearchLimits
+    from cellwright.engine.stages.planning import (
+        RESTARTS,
+        SMALL_STATE_ROOM,
+        STATE_ROOM,
+        SearchLimits,
+    )
 
     return SearchLimits(
         work.expansions,
@@ -322,7 +371,10 @@ def _plan_motions(
     interrupted: "SearchInterruption",
     planned: "Callable[[Problem], Run]",
 ) -> "MovingRun":
-    """The plan in which every step moves. Raises `Stopped` if it is interrupted: a plan that does not move is no answer."""
+    """The plan in which every step moves.
+
+    Raises `Stopped` if it is interrupted: a plan that does not move is no answer.
+    """
     from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
     from cellwright.engine.plugins import geometry_backend
     from cellwright.kb.loader.cell import cell_of
@@ -335,7 +387,9 @@ def _plan_motions(
         return run
 
     backend = geometry_backend()
-    posed_plan = plan_with_poses(problem, cell_of(target), backend, planned_in_time, work.seed, work.store)
+    posed_plan = plan_with_poses(
+        problem, cell_of(target), backend, planned_in_time, work.seed, work.store
+    )
     return posed_plan.moving
 
 
@@ -345,4 +399,6 @@ def _require_strategy(name: str) -> None:
 
     if name not in (*STRATEGIES, RACE):
         hint = nearest_hint(name, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"
-        raise InvalidInput([Diagnostic(Source("--strategy"), "K406", f"no strategy '{name}'", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source("--strategy"), "K406", f"no strategy '{name}'", hint)]
+        )

@@ -49,7 +49,9 @@ def prepare_target(
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Plan every problem of TARGET, sequence its measurements, and fill the store before plans are needed."""
+    """Plan every problem of TARGET, sequence its measurements, and fill the store before plans
+    are needed.
+    """
     refuse_both(jobs, cluster)
     give_answer(
         lambda: _prepare_problems(
@@ -76,7 +78,9 @@ def _prepare_problems(
     code = INTERRUPTED if interrupted.heard else BAD_INPUT if "bad input" in statuses else 0
     if not code and "gave up" in statuses:
         code = LIMIT if interrupted() else GAVE_UP
-    diagnostics = tuple(dict.fromkeys(d for problem in preparation.problems for d in problem.diagnostics))
+    diagnostics = tuple(
+        dict.fromkeys(d for problem in preparation.problems for d in problem.diagnostics)
+    )
     return VerbAnswer(
         "ok" if not code else "incomplete",
         library_report.preparation_content(preparation),

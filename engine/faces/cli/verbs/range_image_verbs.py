@@ -20,7 +20,8 @@ ImageFile = Annotated[
     Path,
     Argument(
         metavar="IMAGE",
-        help="a range image: .npz that `measurement image` has written, or a depth image: .npy, 16-bit .png in mm, .pcd, .ply",
+        help="a range image: .npz that `measurement image` has written, or a depth image: .npy, "
+        "16-bit .png in mm, .pcd, .ply",
     ),
 ]
 Patches = Annotated[
@@ -33,14 +34,17 @@ Patches = Annotated[
 ]
 Between = Annotated[
     list[str] | None,
-    Option("--between", metavar="NAME,NAME", help="tell the distance and angle between two of them"),
+    Option(
+        "--between", metavar="NAME,NAME", help="tell the distance and angle between two of them"
+    ),
 ]
 Tool = Annotated[
     tuple[str, str] | None,
     Option(
         "--tool",
         metavar="TARGET TOOL",
-        help="what took a depth image: a cell.yaml, or a TARGET whose cell has the tool, and the TOOL, such as bulkhead slra",
+        help="what took a depth image: a cell.yaml, or a TARGET whose cell has the tool, and the "
+        "TOOL, such as bulkhead slra",
     ),
 ]
 About = Annotated[
@@ -136,12 +140,18 @@ def _image_reader(
         if not image.wrapped:
             _refuse_if(bool(about), path, "its ranges are whole already", "leave --about out")
             return image
-        message, hint = "its ranges are known modulo half a wavelength", "say what is expected with --about"
+        message, hint = (
+            "its ranges are known modulo half a wavelength",
+            "say what is expected with --about",
+        )
         _refuse_if(not about, path, message, hint)
         resolved_image = resolve_ranges(image, _expected_m(about, image), sigma_m)
         if isinstance(resolved_image, Vague):
             _refuse_if(
-                True, path, resolved_image.reason, "give an --about that is known better, and --expected"
+                True,
+                path,
+                resolved_image.reason,
+                "give an --about that is known better, and --expected",
             )
         assert not isinstance(resolved_image, Vague)
         return resolved_image
@@ -159,7 +169,9 @@ def _ranging_tool(target: str, name: str) -> "Ranging":
 
 
 def _expected_m(about: str, image: "RangeImage") -> "Floats":
-    """The ranges (h, w) that are expected: those of a plane square to the axis so far away, or those of an image."""
+    """The ranges (h, w) that are expected: those of a plane square to the axis so far away, or
+    those of an image.
+    """
     import numpy as np
 
     from cellwright.engine.formats.interop.range_files import read_ranges
@@ -177,9 +189,14 @@ def _expected_m(about: str, image: "RangeImage") -> "Floats":
             "give an image with whole ranges",
         )
         same = expected_ranges.range_m.shape == size
-        _refuse_if(not same, Path(about), "it has another size than IMAGE", "give one of the same tool")
+        _refuse_if(
+            not same, Path(about), "it has another size than IMAGE", "give one of the same tool"
+        )
         return expected_ranges.range_m
-    message, hint = f"--about {about[:40]} is no distance", "give a distance in millimetres, up to 10 km"
+    message, hint = (
+        f"--about {about[:40]} is no distance",
+        "give a distance in millimetres, up to 10 km",
+    )
     _refuse_if(not 0.0 < away_m < 1e4, Path("--about"), message, hint)
     return of_depths(np.full(size, away_m), image.tool).range_m
 
@@ -207,7 +224,8 @@ def _dimensions_answer(
     image = read()
     for patch_request in asked:
         beyond = (
-            patch_request.window.right > image.tool.width or patch_request.window.bottom > image.tool.height
+            patch_request.window.right > image.tool.width
+            or patch_request.window.bottom > image.tool.height
         )
         size = f"{image.tool.width} x {image.tool.height}"
         message = f"the patch '{patch_request.name}' reaches beyond the picture of {size} pixels"
@@ -229,7 +247,9 @@ def _dimensions_answer(
     return VerbAnswer(
         "ok" if fine else "refused",
         report.dimensions_content(image, measured_patches.fits, between, measured_patches.edges),
-        lambda: report.dimensions_text(image, measured_patches.fits, between, measured_patches.edges),
+        lambda: report.dimensions_text(
+            image, measured_patches.fits, between, measured_patches.edges
+        ),
         0 if fine else FINDINGS,
     )
 
@@ -248,17 +268,21 @@ ExpectedUncertainty = Annotated[
 Displaced = Annotated[
     tuple[float, float, float] | None,
     Option(
-        "--displaced", help="where everything really is, beside where it is expected: x y z in millimetres"
+        "--displaced",
+        help="where everything really is, beside where it is expected: x y z in millimetres",
     ),
 ]
 Given = Annotated[
     Path | None,
     Option(
         "--from",
-        help="the make_range_image that the tool took: .npz, or a depth make_range_image: .npy, 16-bit .png in mm, .pcd, .ply; else it is made",
+        help="the make_range_image that the tool took: .npz, or a depth make_range_image: .npy, "
+        "16-bit .png in mm, .pcd, .ply; else it is made",
     ),
 ]
-Output = Annotated[Path | None, Option("--output", "-o", help="write the make_range_image there, as .npz")]
+Output = Annotated[
+    Path | None, Option("--output", "-o", help="write the make_range_image there, as .npz")
+]
 Wrapped = Annotated[
     bool,
     Option("--wrapped", help="write it as the tool answers: ranges modulo half the wavelength"),
@@ -282,14 +306,22 @@ def make_range_image(
     picture: ImagePicture = None,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Make the range image that the measurement NAME of TARGET is taken from, or read it, and measure its patch in it."""
+    """Make the range image that the measurement NAME of TARGET is taken from, or read it, and
+    measure its patch in it.
+    """
     if given is not None and displaced is not None:
         raise make_misfit("an image that is read shows where things are", param_hint="--displaced")
     if wrapped and output is None:
         raise make_misfit("say with -o where to write it", param_hint="--wrapped")
-    off = None if displaced is None else (displaced[0] * 1e-3, displaced[1] * 1e-3, displaced[2] * 1e-3)
+    off = (
+        None
+        if displaced is None
+        else (displaced[0] * 1e-3, displaced[1] * 1e-3, displaced[2] * 1e-3)
+    )
     give_answer(
-        lambda: _image_answer(target, name, expected * 1e-3, off, given, seed, output, wrapped, picture),
+        lambda: _image_answer(
+            target, name, expected * 1e-3, off, given, seed, output, wrapped, picture
+        ),
         format,
     )
 
@@ -302,7 +334,9 @@ def recognise_parts(
     picture: ImagePicture = None,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Tell which parts of a scene are seen, by the angles, distances and edges of their faces, and where they are; and what is none of them."""
+    """Tell which parts of a scene are seen, by the angles, distances and edges of their faces,
+    and where they are; and what is none of them.
+    """
     give_answer(lambda: _recognition_answer(scene, part or [], image, seed, picture), format)
 
 
@@ -337,11 +371,14 @@ def _image_answer(
     surface = measured_surface(problem, cell_of(target), geometry_backend(), name, seeing)
     if isinstance(surface, Vague):
         refusal_reason = surface.reason
-        return VerbAnswer("refused", {"reason": refusal_reason}, lambda: Text(refusal_reason), FINDINGS)
+        return VerbAnswer(
+            "refused", {"reason": refusal_reason}, lambda: Text(refusal_reason), FINDINGS
+        )
     if output is not None:
         write_ranges(output, surface.answered if wrapped else surface.image)
     write_picture(
-        picture, lambda: report.range_image_png(surface.image, surface.edges, {name: surface.window})
+        picture,
+        lambda: report.range_image_png(surface.image, surface.edges, {name: surface.window}),
     )
     return VerbAnswer(
         "found" if surface.sure else "refused",
@@ -371,7 +408,9 @@ def _recognition_answer(
         (seen.models[named_part.best.part].solid, named_part.best.T_eye_part)
         for named_part in recognition.named
     ]
-    notes = [(unexplained_region.window, "no part") for unexplained_region in recognition.unexplained]
+    notes = [
+        (unexplained_region.window, "no part") for unexplained_region in recognition.unexplained
+    ]
     write_picture(picture, lambda: placing_pictures.depth_png(seen.image, drawn, notes=notes))
     return VerbAnswer(
         "found" if recognition.named else "refused",

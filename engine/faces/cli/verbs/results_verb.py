@@ -34,7 +34,9 @@ Output = Annotated[
 
 History = Annotated[
     bool,
-    Option("--history", help="show the histories of all objects, not those alone that are processed"),
+    Option(
+        "--history", help="show the histories of all objects, not those alone that are processed"
+    ),
 ]
 
 
@@ -45,7 +47,9 @@ def show_results(
     history: History = False,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Show what RUN has measured, and the history of each object; or write it as CSV, JSON, QIF Results or a report in HTML."""
+    """Show what RUN has measured, and the history of each object; or write it as CSV, JSON, QIF
+    Results or a report in HTML.
+    """
     if output is not None and not run:
         raise make_misfit("--output needs the name of a run")
     give_answer(lambda: _results_answer(run, store or default_store(), output, history), format)
@@ -89,7 +93,9 @@ def _show_results(run: str, store: str, history: bool) -> VerbAnswer:
     )
     more = [] if survey is None else ["", surveys.survey_text(survey)]
     subjects = None if history else survey_answer.subjects
-    return VerbAnswer("ok", content, lambda: Group(report.results_text(run_results, subjects), *more))
+    return VerbAnswer(
+        "ok", content, lambda: Group(report.results_text(run_results, subjects), *more)
+    )
 
 
 def _write_report(run: str, store: str, output: Path) -> VerbAnswer:
@@ -103,7 +109,9 @@ def _write_report(run: str, store: str, output: Path) -> VerbAnswer:
     survey_answer = survey_of(store, run)
     if survey_answer.survey is None:
         hint = "write FILE.json: it has the history of each object"
-        raise InvalidInput([Diagnostic(Source(run), "K406", "the run has measured nothing to report", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source(run), "K406", "the run has measured nothing to report", hint)]
+        )
     output.write_text(survey_html(survey_answer.results, survey_answer.survey), "utf-8")
     content = {"file": str(output), "features": len(survey_answer.survey.features)}
     return VerbAnswer("ok", content, lambda: Text(str(output)))
@@ -115,8 +123,13 @@ def _result_form(output: Path) -> "ResultForm":
 
     form_names = [form.value for form in Forms]
     if output.suffix[1:].lower() not in form_names:
-        hint = f"one of {', '.join(f'{output.stem}.{form_name}' for form_name in (*form_names, 'html'))}"
-        raise InvalidInput([Diagnostic(Source(str(output)), "K406", "results have no such form", hint)])
+        hint = (
+            "one of "
+            f"{', '.join(f'{output.stem}.{form_name}' for form_name in (*form_names, 'html'))}"
+        )
+        raise InvalidInput(
+            [Diagnostic(Source(str(output)), "K406", "results have no such form", hint)]
+        )
     return Forms(output.suffix[1:].lower())
 
 

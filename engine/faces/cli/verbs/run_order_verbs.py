@@ -15,22 +15,29 @@ RunName = Annotated[
         autocompletion=shared_options.complete_runs,
     ),
 ]
-Step = Annotated[str, Argument(metavar="STEP", help="a step of the plan: its number, or as it is written")]
+Step = Annotated[
+    str, Argument(metavar="STEP", help="a step of the plan: its number, or as it is written")
+]
 Facts = Annotated[
-    str, Argument(metavar="FACTS", help="facts, separated by ;, with a - before those that do not hold")
+    str,
+    Argument(metavar="FACTS", help="facts, separated by ;, with a - before those that do not hold"),
 ]
 Said = Annotated[
     str,
     Argument(
-        metavar="[ANSWER]", help="an outcome that the question allows, or a step; else the only open one"
+        metavar="[ANSWER]",
+        help="an outcome that the question allows, or a step; else the only open one",
     ),
 ]
-Where = Annotated[str, Option("--store", help="the journal of RUN, if runs in several have its name")]
+Where = Annotated[
+    str, Option("--store", help="the journal of RUN, if runs in several have its name")
+]
 Words = Annotated[
     str,
     Argument(
         metavar="COMMAND",
-        help="a further command, in the words of the domain; due(OBJECT, TIME) and priority(OBJECT, NUMBER) behind a ;",
+        help="a further command, in the words of the domain; due(OBJECT, TIME) and "
+        "priority(OBJECT, NUMBER) behind a ;",
     ),
 ]
 
@@ -60,7 +67,9 @@ def abort_run(run: RunName, store: Where = "", format: Format = AnswerForm.TEXT)
     _tell_run(run, "abort", "", "is ended", store, format)
 
 
-def skip_step(run: RunName, step: Step, store: Where = "", format: Format = AnswerForm.TEXT) -> None:
+def skip_step(
+    run: RunName, step: Step, store: Where = "", format: Format = AnswerForm.TEXT
+) -> None:
     """At a pause of RUN, take STEP for done: somebody has done it by hand."""
     _tell_run(run, "skip", step, f"takes {step} for done", store, format)
 
@@ -70,12 +79,16 @@ def retry_rest(run: RunName, store: Where = "", format: Format = AnswerForm.TEXT
     _tell_run(run, "retry", "", "tries again", store, format)
 
 
-def go_back_to_step(run: RunName, step: Step, store: Where = "", format: Format = AnswerForm.TEXT) -> None:
+def go_back_to_step(
+    run: RunName, step: Step, store: Where = "", format: Format = AnswerForm.TEXT
+) -> None:
     """At a pause of RUN, go back to STEP and do it, and what comes behind it, again."""
     _tell_run(run, "back", step, f"goes back to {step}", store, format)
 
 
-def correct_world(run: RunName, facts: Facts, store: Where = "", format: Format = AnswerForm.TEXT) -> None:
+def correct_world(
+    run: RunName, facts: Facts, store: Where = "", format: Format = AnswerForm.TEXT
+) -> None:
     """At a pause of RUN, correct what it holds for true, and have it plan on from there."""
     _tell_run(run, "correct", facts, "takes note", store, format)
 
@@ -83,7 +96,9 @@ def correct_world(run: RunName, facts: Facts, store: Where = "", format: Format 
 def answer_question(
     run: RunName, text: Said = "", store: Where = "", format: Format = AnswerForm.TEXT
 ) -> None:
-    """Answer what RUN asks a person: one of the outcomes of a question, or a step that was done by hand."""
+    """Answer what RUN asks a person: one of the outcomes of a question, or a step that was done
+    by hand.
+    """
     _tell_run(run, "answer", text, "hears it", store, format)
 
 
@@ -105,7 +120,9 @@ def _tell_run(run: str, order: str, text: str, said: str, store: str, form: Answ
         if why := state.get("refused"):
             raise InvalidInput([Diagnostic(Source(run), "K421", f"{order} is refused: {why}")])
         later = order in REFUSABLE_ORDERS and "refused" not in state
-        reply_text = f"{run} has it; what comes of it is in its journal" if later else f"{run} {said}"
+        reply_text = (
+            f"{run} has it; what comes of it is in its journal" if later else f"{run} {said}"
+        )
         return VerbAnswer("ok", {"told": order, **state}, lambda: Text(f"{reply_text}."))
 
     give_answer(make, form)

@@ -1,4 +1,6 @@
-"""Supervision of a run by a person: its events on the display, commands from keys and the socket."""
+"""Supervision of a run by a person: its events on the display, commands from keys and the
+socket.
+"""
 
 import contextlib
 import os
@@ -19,7 +21,8 @@ if TYPE_CHECKING:
 
 
 class RunSupervision:
-    """What watches a run from this process: its events, and the orders of the terminal (Ctrl-C) and of the socket.
+    """What watches a run from this process: its events, and the orders of the terminal (Ctrl-C) and
+    of the socket.
 
     A display of a run that is taken up again begins with the records `before`.
     """
@@ -57,7 +60,11 @@ class RunSupervision:
         self.channel.__enter__()
         self.channel.tells(lambda: self._state)
         if self._events:
-            self._out = sys.stdout if self._events == "-" else Path(self._events).open("w", encoding="utf-8")
+            self._out = (
+                sys.stdout
+                if self._events == "-"
+                else Path(self._events).open("w", encoding="utf-8")
+            )
         self._before = signal.signal(signal.SIGINT, self._pressed)
         if self._shown or self._approve or self._events == "-":
             self._display.enter_context(hushing_progress())
@@ -99,7 +106,9 @@ class RunSupervision:
         self._presses += 1
         self.channel.give(
             GivenOrder(
-                OperatorCommand.INTERRUPT if self._presses == 1 else OperatorCommand.STOP, "", "terminal"
+                OperatorCommand.INTERRUPT if self._presses == 1 else OperatorCommand.STOP,
+                "",
+                "terminal",
             )
         )
         key_help = "pauses at the end of the current goal; Ctrl-C again stops at once; "
@@ -123,13 +132,17 @@ class RunSupervision:
             self._write(record)
 
     def _write(self, record: "JournalRecord") -> None:
-        """Write an event. If nobody reads any more, or the disk is full, the run goes on without: its journal has all."""
+        """Write an event. If nobody reads any more, or the disk is full, the run goes on
+        without: its journal has all.
+        """
         import json
 
         from cellwright.kb.diagnostics import escape_controls
 
         try:
-            self._out.write(escape_controls(json.dumps(record.entry(self._run), ensure_ascii=False)) + "\n")
+            self._out.write(
+                escape_controls(json.dumps(record.entry(self._run), ensure_ascii=False)) + "\n"
+            )
             self._out.flush()
         except OSError as error:
             sys.stderr.write(f"no more events: {error.strerror}; the run goes on\n")
@@ -138,14 +151,18 @@ class RunSupervision:
             self._out = None
 
     def _ask(self, record: "JournalRecord") -> None:
-        """Show the plan, and ask the person at the terminal; without one, somebody else has to approve it."""
+        """Show the plan, and ask the person at the terminal; without one, somebody else has to
+        approve it.
+        """
         from cellwright.engine.faces.cli.output.terminal_console import say_on_stderr
         from cellwright.engine.model.run_protocol import OperatorCommand
         from cellwright.engine.pipelines.execution import GivenOrder
 
         for step in record.content["steps"]:
             start, lasts = step.get("start_ms", 0) / 1000, step.get("lasts_ms", 0) / 1000
-            say_on_stderr(f"{start:>10.1f} s {lasts:>8.1f} s  {step['stream']:<16} {step['step']}\n")
+            say_on_stderr(
+                f"{start:>10.1f} s {lasts:>8.1f} s  {step['stream']:<16} {step['step']}\n"
+            )
         if not sys.stdin.isatty():
             sys.stderr.write(f"waits for: cellwright approve {self._run}\n")
             return
@@ -178,10 +195,11 @@ def print_record(record: "JournalRecord") -> None:
 def watch_records(
     run: str, give: Give, factor: float, before: "Sequence[JournalRecord]" = ()
 ) -> "Iterator[Callable[[JournalRecord], None]]":
-    """A watcher for the records of a run: a live display on a terminal if its clock is slowed down, else plain lines.
+    """A watcher for the records of a run: a live display on a terminal if its clock is slowed down,
+    else plain lines.
 
-    At full speed there is nothing to watch: a display would be gone before it is read. The display of a run that is taken up
-    again begins with the records `before`.
+    At full speed there is nothing to watch: a display would be gone before it is read. The display
+    of a run that is taken up again begins with the records `before`.
     """
     if not (factor and sys.stderr.isatty() and sys.stdin.isatty()):
         yield print_record
@@ -223,7 +241,9 @@ def _handle_key(key: str, display: Any, live: Any, give: Give) -> None:
 
 
 class TerminalKeys:
-    """Reads single keys from the terminal while it is entered, and leaves the terminal as it was."""
+    """Reads single keys from the terminal while it is entered, and leaves the terminal as it
+    was.
+    """
 
     def __init__(self, press: Callable[[str], None]) -> None:
         self._press = press

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from cellwright.engine.stages.planning import SearchLimits
     from cellwright.kb.model.planning_problem import Problem
 
-DriverName = Annotated[str, Option("--driver", help="who carries out the commands: sim, or a plug-in")]
+DriverName = Annotated[
+    str, Option("--driver", help="who carries out the commands: sim, or a plug-in")
+]
 Store = Annotated[
     str,
     Option(
@@ -39,7 +41,8 @@ Store = Annotated[
 Name = Annotated[
     str,
     Option(
-        "--name", help="the name of the run_target; if not given, that of the problem and a number_option"
+        "--name",
+        help="the name of the run_target; if not given, that of the problem and a number_option",
     ),
 ]
 Factor = Annotated[
@@ -54,12 +57,16 @@ Faults = Annotated[
     list[str] | None,
     Option(
         "--fault",
-        help="simulate a fault: STEP=CAUSE, STEP being a number_option, an operator or a whole step; may be repeated",
+        help="simulate a fault: STEP=CAUSE, STEP being a number_option, an operator or a whole "
+        "step; may be repeated",
     ),
 ]
 Options = Annotated[
     list[str] | None,
-    Option("--option", help="an option of the driver: NAME=VALUE (sim: spread=0.2, lookahead=4, log=FILE)"),
+    Option(
+        "--option",
+        help="an option of the driver: NAME=VALUE (sim: spread=0.2, lookahead=4, log=FILE)",
+    ),
 ]
 Approve = Annotated[bool, Option("--approve", help="show the plan and ask before anything moves")]
 Events = Annotated[
@@ -69,12 +76,15 @@ Watch = Annotated[
     bool,
     Option(
         "--watch",
-        help="show how the run_target goes: on a terminal with --factor a live display with keys, else plain lines",
+        help="show how the run_target goes: on a terminal with --factor a live display with "
+        "keys, else plain lines",
     ),
 ]
 Motion = Annotated[
     bool,
-    Option("--motion", help="plan with the motion of the arm in every step, and the time that it takes"),
+    Option(
+        "--motion", help="plan with the motion of the arm in every step, and the time that it takes"
+    ),
 ]
 
 
@@ -96,7 +106,9 @@ def run_target(
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Plan TARGET, carry the plan out, handle what goes wrong, and go on until the goals are reached."""
+    """Plan TARGET, carry the plan out, handle what goes wrong, and go on until the goals are
+    reached.
+    """
     asked = RunCommandRequest(
         target, goals, command, driver, store, name, factor, seed, approve, expansions, motion
     )
@@ -170,9 +182,18 @@ def _carried_out(
         if table is None:
             return answer_of(moving.run.outcome, wanted.store, events == "-")
         paths = _arm_paths(moving, asked.seed)
-    with RunSupervision(wanted.run, wanted.store, events, asked.approve, shown, asked.factor) as watch:
+    with RunSupervision(
+        wanted.run, wanted.store, events, asked.approve, shown, asked.factor
+    ) as watch:
         ending = begin_run(
-            wanted, problem, watch.channel, watch.watchers, limits, table=table, scope=scope, paths=paths
+            wanted,
+            problem,
+            watch.channel,
+            watch.watchers,
+            limits,
+            table=table,
+            scope=scope,
+            paths=paths,
         )
     return answer_of(ending, wanted.store, events == "-")
 
@@ -184,7 +205,8 @@ def _tell_given_up(moving: "MovingRun", quiet: bool) -> None:
     if moving.given_up and not quiet:
         say_on_stderr(
             "\n".join(
-                f"given up: {given_up_goal.goal}: {given_up_goal.why}" for given_up_goal in moving.given_up
+                f"given up: {given_up_goal.goal}: {given_up_goal.why}"
+                for given_up_goal in moving.given_up
             )
             + "\n"
         )
@@ -238,7 +260,10 @@ def answer_of(ending: "Finish | Any", store: str, quiet: bool) -> VerbAnswer:
 
         ending_text = Text(f"No plan: {ending.reason}.")
         return VerbAnswer(
-            outcome_status(ending), {"reason": ending.reason}, lambda: ending_text, exit_code(ending)
+            outcome_status(ending),
+            {"reason": ending.reason},
+            lambda: ending_text,
+            exit_code(ending),
         )
     code = {"reached": 0, "partly": FINDINGS}.get(ending.outcome, STOPPED)
     text = None if quiet else lambda: report.ending_text(ending, store)
@@ -269,7 +294,9 @@ def resume_named_run(
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Go on with RUN from its journal: ask the driver what became of commands under way, repeat none, and finish."""
+    """Go on with RUN from its journal: ask the driver what became of commands under way, repeat
+    none, and finish.
+    """
     if events == "-" and format is AnswerForm.JSON:
         raise make_misfit("--events - writes lines of JSON to the output: leave out --format json")
     give_answer(lambda: _resume_run(run, store, factor, events, watch, (expansions, seed)), format)

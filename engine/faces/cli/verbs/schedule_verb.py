@@ -53,7 +53,8 @@ Instance = Annotated[str, Option(help="the instance in a file of several job sho
 
 def schedule_target(
     target: Annotated[
-        str, Argument(help="a problem, a plan in JSON, a folder of S-LAB tables, or a job-shop file")
+        str,
+        Argument(help="a problem, a plan in JSON, a folder of S-LAB tables, or a job-shop file"),
     ],
     goals: Goals = "",
     command: Command = "",
@@ -62,7 +63,8 @@ def schedule_target(
         ScheduleForm | None,
         Option(
             "--format",
-            help="how the schedule_target is written: text, unless the name of the output ends otherwise",
+            help="how the schedule_target is written: text, unless the name of the output ends "
+            "otherwise",
         ),
     ] = None,
     output: Output = None,
@@ -129,7 +131,8 @@ def _schedule_target(
             answer = _schedule_shop(shop, limits, form, stats)
         else:
             _refuse_idle_options(
-                {"--instance": wanted.instance}, "here: it chooses one in a file of several job shops"
+                {"--instance": wanted.instance},
+                "here: it chooses one in a file of several job shops",
             )
             problem, plan = timetable.subject_of(wanted.target, wanted.goals, wanted.command)
             if plan is not None:
@@ -156,7 +159,9 @@ def _refuse_idle_options(options: "Mapping[str, str]", why: str) -> None:
         raise InvalidInput([Diagnostic(Source(idle[0]), "K408", message, "leave it out")])
 
 
-def _schedule_shop(shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool) -> VerbAnswer:
+def _schedule_shop(
+    shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool
+) -> VerbAnswer:
     from cellwright.engine.formats.report.plans.schedule_report import ScheduleAnswer
     from cellwright.engine.model.shop_scheduling import ValidSchedule
     from cellwright.engine.stages.scheduling import schedule_shop
@@ -189,7 +194,9 @@ def _no_schedule(found: "Infeasible | GaveUp") -> VerbAnswer:
     from cellwright.engine.formats.report.json_answers import outcome_status
 
     failure_text = Text(f"No schedule: {found.reason}.")
-    return VerbAnswer(outcome_status(found), {"reason": found.reason}, lambda: failure_text, exit_code(found))
+    return VerbAnswer(
+        outcome_status(found), {"reason": found.reason}, lambda: failure_text, exit_code(found)
+    )
 
 
 def _schedule_answer(made: "ScheduleAnswer", form: ScheduleForm, stats: bool) -> VerbAnswer:
@@ -197,4 +204,6 @@ def _schedule_answer(made: "ScheduleAnswer", form: ScheduleForm, stats: bool) ->
 
     raw = schedule_report.schedule_svg(made) if form is ScheduleForm.SVG else None
     content = schedule_report.schedule_content(made, stats)
-    return VerbAnswer(made.status, content, lambda: schedule_report.schedule_text(made, stats), raw=raw)
+    return VerbAnswer(
+        made.status, content, lambda: schedule_report.schedule_text(made, stats), raw=raw
+    )

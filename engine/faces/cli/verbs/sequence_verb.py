@@ -4,8 +4,19 @@ from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit, refuse_idle
-from cellwright.engine.faces.cli.options.shared_options import Before, Lasts, Seed, TimeLimit, Windows
+from cellwright.engine.faces.cli.option_declarations import (
+    Argument,
+    Option,
+    make_misfit,
+    refuse_idle,
+)
+from cellwright.engine.faces.cli.options.shared_options import (
+    Before,
+    Lasts,
+    Seed,
+    TimeLimit,
+    Windows,
+)
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.output.output_files import Output, answer_form
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE, INTERRUPTED
@@ -49,29 +60,42 @@ Cost = Annotated[
     TravelCost,
     Option(
         "--cost",
-        help="cost between measurements: straight lines, joints (the time that the arm needs), or motion (of free paths)",
+        help="cost between measurements: straight lines, joints (the time that the arm needs), "
+        "or motion (of free paths)",
     ),
 ]
 Work = Annotated[
-    int, Option("--work", min=0, help="work of the search; 0 means that it fits the number of visits")
+    int,
+    Option("--work", min=0, help="work of the search; 0 means that it fits the number of visits"),
 ]
 Store = Annotated[
     str, Option("--store", help="keep the sequence_visits of a problem in this file or database")
 ]
-Next = Annotated[bool, Option("--next", help="print only the next visit of the kept sequence_visits")]
-Done = Annotated[list[str] | None, Option("--done", help="visits that are done, separated by commas")]
+Next = Annotated[
+    bool, Option("--next", help="print only the next visit of the kept sequence_visits")
+]
+Done = Annotated[
+    list[str] | None, Option("--done", help="visits that are done, separated by commas")
+]
 Lost = Annotated[list[str] | None, Option("--lost", help="tools and resources that are lost")]
 Bad = Annotated[
     list[str] | None,
-    Option("--bad", help="visits to leave out because they were found bad: 'm3, m4=the surface is dirty'"),
+    Option(
+        "--bad",
+        help="visits to leave out because they were found bad: 'm3, m4=the surface is dirty'",
+    ),
 ]
 Restored = Annotated[
-    list[str] | None, Option("--restored", help="visits, tools and resources that can be used again")
+    list[str] | None,
+    Option("--restored", help="visits, tools and resources that can be used again"),
 ]
 Anew = Annotated[bool, Option("--anew", help="forget the kept sequence_visits")]
 Shown = Annotated[
     TourForm | None,
-    Option("--format", help="how the tour is written: text, unless the name of the output ends otherwise"),
+    Option(
+        "--format",
+        help="how the tour is written: text, unless the name of the output ends otherwise",
+    ),
 ]
 
 
@@ -99,17 +123,29 @@ def sequence_visits(
     format: Shown = None,
     output: Output = None,
 ) -> None:
-    """Print the best order found for the visits of TARGET, with a lower bound on the cost of any order."""
+    """Print the best order found for the visits of TARGET, with a lower bound on the cost of
+    any order.
+    """
     news = (done or [], lost or [], bad or [], restored or [])
     visit_demands = (window or [], lasts or [], before or [])
     store_options = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
     back, kind = _returns_to_start(closed, open_), answer_form(output, format, TourForm.TEXT)
-    tour_options = {"--closed": closed, "--start": start, "--end": end, "--format svg": kind is TourForm.SVG}
+    tour_options = {
+        "--closed": closed,
+        "--start": start,
+        "--end": end,
+        "--format svg": kind is TourForm.SVG,
+    }
     tour_options |= {**dict(zip(WISHES, visit_demands, strict=True)), "--method": method != "auto"}
     _refuse_misfits(tour_options, store_options, open_, cost, store)
-    form, effort = AnswerForm.JSON if kind is TourForm.JSON else AnswerForm.TEXT, (time_limit, work, seed)
+    form, effort = (
+        AnswerForm.JSON if kind is TourForm.JSON else AnswerForm.TEXT,
+        (time_limit, work, seed),
+    )
     if store:
-        give_answer(lambda: continue_kept_sequence(target, store, news, effort, next_, anew), form, output)
+        give_answer(
+            lambda: continue_kept_sequence(target, store, news, effort, next_, anew), form, output
+        )
     if cost is not TravelCost.STRAIGHT:
         give_answer(lambda: _of_arm(target, cost, effort), form, output)
     give_answer(
@@ -120,9 +156,15 @@ def sequence_visits(
 
 
 def _refuse_misfits(
-    given: Mapping[str, object], kept: Mapping[str, object], open_: bool, cost: TravelCost, store: str
+    given: Mapping[str, object],
+    kept: Mapping[str, object],
+    open_: bool,
+    cost: TravelCost,
+    store: str,
 ) -> None:
-    """Refuse options of other ways to make a sequence: `kept` need --store, `given` and --cost do without it."""
+    """Refuse options of other ways to make a sequence: `kept` need --store, `given` and --cost
+    do without it.
+    """
     joints = cost is not TravelCost.STRAIGHT
     if store:
         why = "with --store: a kept sequence is open and counts straight lines"
@@ -166,7 +208,8 @@ def _sequence_visits(
             "--method": method != "auto",
         }
         refuse_idle(
-            {**tour_options, "--format svg": form is TourForm.SVG}, "where several arms share measurements"
+            {**tour_options, "--format svg": form is TourForm.SVG},
+            "where several arms share measurements",
         )
         return shared_by_arms(problem, wanted, effort)
     with SearchInterruption(effort[0]) as interrupted:
@@ -176,7 +219,9 @@ def _sequence_visits(
 
 
 def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]) -> VerbAnswer:
-    """Tours through measurements by what they cost the arm: by poses alone, or by the times of paths that touch nothing."""
+    """Tours through measurements by what they cost the arm: by poses alone, or by the times of
+    paths that touch nothing.
+    """
     from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.formats.report.measurements import tool_groups
     from cellwright.engine.model.part_measurements import is_shared
@@ -195,8 +240,13 @@ def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]
     with SearchInterruption(effort[0]) as interrupted:
         limits = TourLimits(effort[1], effort[2], interrupted)
         tours, parts = toured(problem, cell_of(target), geometry_backend(), limits)
-    content = {"tours": [entry(tour) for tour in tours], "partition": tool_groups.tool_groups_entry(parts)}
-    return VerbAnswer("found", content, lambda: shown(tours, parts), INTERRUPTED if interrupted.heard else 0)
+    content = {
+        "tours": [entry(tour) for tour in tours],
+        "partition": tool_groups.tool_groups_entry(parts),
+    }
+    return VerbAnswer(
+        "found", content, lambda: shown(tours, parts), INTERRUPTED if interrupted.heard else 0
+    )
 
 
 def _solve_visits(
@@ -236,7 +286,10 @@ def _tour_answer(
         )
         reason = answer.reason
         return VerbAnswer(
-            json_answers.outcome_status(answer), {"reason": reason}, lambda: Text(f"No tour: {reason}."), code
+            json_answers.outcome_status(answer),
+            {"reason": reason},
+            lambda: Text(f"No tour: {reason}."),
+            code,
         )
     return VerbAnswer(
         "optimal" if answer.proved else "found",
@@ -267,19 +320,27 @@ def continue_kept_sequence(
         sequence_progress = carry_on(store, problem_of(target), _sequence_news(*said), limits, anew)
     return VerbAnswer(
         "found" if sequence_progress.plan.rest else "done",
-        report.next_entry(sequence_progress) if next_alone else report.sequence_entry(sequence_progress),
+        report.next_entry(sequence_progress)
+        if next_alone
+        else report.sequence_entry(sequence_progress),
         lambda: (
-            report.next_text(sequence_progress) if next_alone else report.sequence_text(sequence_progress)
+            report.next_text(sequence_progress)
+            if next_alone
+            else report.sequence_text(sequence_progress)
         ),
         INTERRUPTED if interrupted.heard else 0,
     )
 
 
-def _sequence_news(done: list[str], lost: list[str], bad: list[str], restored: list[str]) -> "SequenceNews":
+def _sequence_news(
+    done: list[str], lost: list[str], bad: list[str], restored: list[str]
+) -> "SequenceNews":
     from cellwright.engine.pipelines.inspection.tour_progress import FOUND_BAD, SequenceNews
 
     parted = [bad_text.partition("=") for bad_text in bad]
-    reasons = {name: why.strip() or FOUND_BAD for names, _, why in parted for name in _split_names([names])}
+    reasons = {
+        name: why.strip() or FOUND_BAD for names, _, why in parted for name in _split_names([names])
+    }
     return SequenceNews(_split_names(done), _split_names(lost), reasons, _split_names(restored))
 
 
@@ -329,7 +390,9 @@ def shared_by_arms(
         "optimal" if arm_shares.shares.makespan <= arm_shares.shares.lower_bound else "found",
         content,
         lambda: Group(
-            tool_groups.tool_groups_text(arm_shares.partition), tour_report.shares_text(arm_shares), *late
+            tool_groups.tool_groups_text(arm_shares.partition),
+            tour_report.shares_text(arm_shares),
+            *late,
         ),
         INTERRUPTED if interrupted.heard else 0,
     )

@@ -4,7 +4,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit, refuse_idle
+from cellwright.engine.faces.cli.option_declarations import (
+    Argument,
+    Option,
+    make_misfit,
+    refuse_idle,
+)
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 
 if TYPE_CHECKING:
@@ -31,7 +36,9 @@ Reduced = Annotated[
     list[str] | None,
     Option("--reduced", metavar="PART", help="only these objects or classes, one or several"),
 ]
-More = Annotated[list[str] | None, Argument(metavar="[PART]...", help="more parts, after --reduced PART")]
+More = Annotated[
+    list[str] | None, Argument(metavar="[PART]...", help="more parts, after --reduced PART")
+]
 Templates = Annotated[
     bool, Option("--contacts", help="print each place with its contacts in the normal form")
 ]
@@ -48,11 +55,14 @@ _WITH_OUTPUT = "with --output, which writes the planning domain of the whole cel
 Goals = Annotated[
     list[str] | None,
     Option(
-        "--goal", metavar="CONTACT", help="find the shortest sequence of operators to this contact; repeat it"
+        "--goal",
+        metavar="CONTACT",
+        help="find the shortest sequence of operators to this contact; repeat it",
     ),
 ]
 Brings = Annotated[
-    str, Option("--brings", metavar="PART", help="say what an object, or a class, brings to the net")
+    str,
+    Option("--brings", metavar="PART", help="say what an object, or a class, brings to the net"),
 ]
 
 
@@ -67,14 +77,17 @@ def show_contact_states(
     output: Output = None,
     format: Annotated[NetForm, Option("--format", help="how the net is written")] = NetForm.TEXT,
 ) -> None:
-    """Generate the contact states of DOMAIN from its contact model, and the net of the steps between them."""
+    """Generate the contact states of DOMAIN from its contact model, and the net of the steps
+    between them.
+    """
     form = AnswerForm.JSON if format is NetForm.JSON else AnswerForm.TEXT
     if more and not reduced:
         raise make_misfit(f"'{more[0]}' is one argument too many; parts of a cell follow --reduced")
     reduced = [*(reduced or ()), *(more or ())]
     if output is not None:
         refuse_idle(
-            {"--full": full, "--reduced": reduced, "--contacts": contacts, "--brings": brings}, _WITH_OUTPUT
+            {"--full": full, "--reduced": reduced, "--contacts": contacts, "--brings": brings},
+            _WITH_OUTPUT,
         )
         give_answer(lambda: _write_domain_files(target, output), form)
     if goal:
@@ -83,7 +96,9 @@ def show_contact_states(
             "with --goal, which prints a sequence",
         )
         give_answer(lambda: _firing_sequence(target, tuple(reduced), goal), form)
-    give_answer(lambda: _states_answer(target, full, tuple(reduced), contacts, brings, format), form)
+    give_answer(
+        lambda: _states_answer(target, full, tuple(reduced), contacts, brings, format), form
+    )
 
 
 def _firing_sequence(target: str, parts: tuple[str, ...], goals: list[str]) -> VerbAnswer:
@@ -93,17 +108,24 @@ def _firing_sequence(target: str, parts: tuple[str, ...], goals: list[str]) -> V
     from cellwright.engine.pipelines import contact_states
 
     model, warnings = contact_states.contact_model_of(target)
-    firing_search, _ = contact_states.contact_sequence(model, goals, contact_states.NetRequest(parts))
+    firing_search, _ = contact_states.contact_sequence(
+        model, goals, contact_states.NetRequest(parts)
+    )
     if firing_search.firings is None:
         refusal_text = (
             "no contact state that can be reached has it"
             if firing_search.exhausted
             else "the search was stopped"
         )
-        status, code = ("infeasible", INFEASIBLE) if firing_search.exhausted else ("gave up", GAVE_UP)
+        status, code = (
+            ("infeasible", INFEASIBLE) if firing_search.exhausted else ("gave up", GAVE_UP)
+        )
         return VerbAnswer(status, {"sequence": None}, lambda: Text(refusal_text), code, warnings)
     steps = [str(firing) for firing in firing_search.firings]
-    text = "\n".join(f"{n:3} {firing_text}" for n, firing_text in enumerate(steps, 1)) or "it holds already"
+    text = (
+        "\n".join(f"{n:3} {firing_text}" for n, firing_text in enumerate(steps, 1))
+        or "it holds already"
+    )
     return VerbAnswer("found", {"sequence": steps}, lambda: Text(text), 0, warnings)
 
 

@@ -20,7 +20,9 @@ app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 @app.callback()
 def store_group() -> None:
-    """Check, back up, restore and move a library, with the closed cases, sequences, poses and journals in it."""
+    """Check, back up, restore and move a library, with the closed cases, sequences, poses and
+    journals in it.
+    """
 
 
 @app.command()
@@ -55,12 +57,18 @@ def restore(
 @app.command()
 def migrate(
     source: Annotated[
-        str, Argument(metavar="SOURCE", help="the library to copy: a file, or a URL as for --store_group")
+        str,
+        Argument(
+            metavar="SOURCE", help="the library to copy: a file, or a URL as for --store_group"
+        ),
     ],
     store: Library,
     format: Format = AnswerForm.TEXT,
 ) -> None:
-    """Copy the library SOURCE into an empty one: from SQLite to PostgreSQL, or back. SOURCE stays as it is."""
+    """Copy the library SOURCE into an empty one: from SQLite to PostgreSQL, or back.
+
+    SOURCE stays as it is.
+    """
     give_answer(lambda: _migrate_store(source, store), format)
 
 
@@ -70,7 +78,9 @@ def _check_store(store: str) -> VerbAnswer:
     findings, rows = check_library(store)
     status, code = ("damaged", FINDINGS) if findings else ("ok", 0)
     summary_line = "" if findings else "no damage found"
-    return VerbAnswer(status, {"rows": rows}, lambda: _row_counts(rows, summary_line), code, tuple(findings))
+    return VerbAnswer(
+        status, {"rows": rows}, lambda: _row_counts(rows, summary_line), code, tuple(findings)
+    )
 
 
 def _backup_store(file: Path, store: str) -> VerbAnswer:
@@ -78,7 +88,9 @@ def _backup_store(file: Path, store: str) -> VerbAnswer:
 
     rows = write_backup(store, file)
     return VerbAnswer(
-        "ok", {"file": str(file), "rows": rows}, lambda: _row_counts(rows, f"written to {file}, and checked")
+        "ok",
+        {"file": str(file), "rows": rows},
+        lambda: _row_counts(rows, f"written to {file}, and checked"),
     )
 
 

@@ -1,9 +1,9 @@
 """PDDL in: a domain file and a problem file become a problem of the same model as our own language.
 
-The reader accepts STRIPS, typing with `either`, negative, disjunctive and quantified conditions, equality, conditional
-effects, derived predicates, action costs, constants and numbers (McDermott et al. 1998; Edelkamp & Hoffmann 2004 for the
-axioms; Fox & Long 2003 for numbers). It refuses times, preferences, constraints and numbers that are not linear; the message
-names each with its place.
+The reader accepts STRIPS, typing with `either`, negative, disjunctive and quantified conditions,
+equality, conditional effects, derived predicates, action costs, constants and numbers (McDermott et
+al. 1998; Edelkamp & Hoffmann 2004 for the axioms; Fox & Long 2003 for numbers). It refuses times,
+preferences, constraints and numbers that are not linear; the message names each with its place.
 """
 
 from collections.abc import Iterator
@@ -36,7 +36,10 @@ from cellwright.kb.terms import Atom
 
 @dataclass(frozen=True, slots=True)
 class PddlProblem:
-    """A problem, and the PDDL name for each of its names. A cost of 1 counts as `unit_of_cost`; `warnings` say what is not followed."""
+    """A problem, and the PDDL name for each of its names.
+
+    A cost of 1 counts as `unit_of_cost`; `warnings` say what is not followed.
+    """
 
     problem: Problem
     names: NameMapping
@@ -49,7 +52,9 @@ def read_pddl_task(domain_path: Path, problem_path: Path) -> PddlProblem:
     reader = DomainReader(read_document(domain_path))
     reader.declare()
     problem_document = read_document(problem_path)
-    functions = FunctionReader(reader.document, problem_document, set(reader.scope.functions)).read()
+    functions = FunctionReader(
+        reader.document, problem_document, set(reader.scope.functions)
+    ).read()
     task = _ProblemReader(problem_document, reader, functions)
     problem = task.read()
     if reader.document.found or problem_document.found:
@@ -60,12 +65,17 @@ def read_pddl_task(domain_path: Path, problem_path: Path) -> PddlProblem:
 class _ProblemReader:
     def __init__(self, document: Document, domain: DomainReader, functions: TaskFunctions) -> None:
         self.document, self.domain, self.scope = document, domain, domain.scope
-        self.functions, self.conditions = functions, ConditionReader(document, self.scope, functions)
+        self.functions, self.conditions = (
+            functions,
+            ConditionReader(document, self.scope, functions),
+        )
         self.objects: dict[str, str] = {}
         self.sections = {part.head: part for part in document.root.rest if isinstance(part, Group)}
 
     def read(self) -> Problem:
-        """Read the objects first, because actions of the domain may only name constants; then the facts and the goal."""
+        """Read the objects first, because actions of the domain may only name constants; then
+        the facts and the goal.
+        """
         domain = self.domain.domain(self.functions)
         for section, group in self.sections.items():
             if section not in (
@@ -109,13 +119,19 @@ class _ProblemReader:
         group = self.sections.get(":goal")
         if group is None or len(group.rest) != 1:
             self.document.add(
-                group or self.document.root, "K801", "a problem has one goal", "write (:goal (and ...))"
+                group or self.document.root,
+                "K801",
+                "a problem has one goal",
+                "write (:goal (and ...))",
             )
             return ALWAYS_TRUE
         return self.conditions.condition(group.rest[0], {})
 
     def _fact(self, part: Expression) -> Iterator[tuple[Atom, bool]]:
-        """A true fact, and whether it is static. Negated facts are skipped: in a closed world they say nothing new."""
+        """A true fact, and whether it is static.
+
+        Negated facts are skipped: in a closed world they say nothing new.
+        """
         if not isinstance(part, Group) or (part.head == "not" and len(part.rest) == 1):
             return
         if part.head == "=":
@@ -128,7 +144,9 @@ class _ProblemReader:
     def _value(self, part: Group) -> Iterator[tuple[Atom, bool]]:
         """The value of a function at the start."""
         function, value = (
-            (function_of(part.rest[0]), written_number(part.rest[1])) if len(part.rest) == 2 else (None, None)
+            (function_of(part.rest[0]), written_number(part.rest[1]))
+            if len(part.rest) == 2
+            else (None, None)
         )
         if function is None or value is None or function.head not in self.functions.declared:
             hint = "a number is whole or decimal, with at most 12 decimals: (= (fuel truck) 20.5)"
@@ -142,7 +160,10 @@ class _ProblemReader:
                 return
             if abs(value * self.functions.unit(function.head)) > MAX_PDDL_NUMBER:
                 self.document.add(
-                    part, "K802", f"{value} is too large", f"as a whole number it exceeds {MAX_PDDL_NUMBER}"
+                    part,
+                    "K802",
+                    f"{value} is too large",
+                    f"as a whole number it exceeds {MAX_PDDL_NUMBER}",
                 )
             static = function.head not in self.functions.changing
             if static:

@@ -36,7 +36,10 @@ def _action_words(task: PddlProblem, operator: Operator, instance: Function) -> 
 
 
 def read_plan(task: PddlProblem, path: Path) -> Plan:
-    """The plan in a file as a sequence of steps. Raises `InvalidInput` if a line is not an action of the task."""
+    """The plan in a file as a sequence of steps.
+
+    Raises `InvalidInput` if a line is not an action of the task.
+    """
     file = read_file(path)
     diagnostics: list[Diagnostic] = []
     steps: list[Step] = []
@@ -57,11 +60,15 @@ def _read_action(
     operator = names.get(words[0])
     if operator is None:
         hint = nearest_hint(words[0], list(names))
-        diagnostics.append(Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint))
+        diagnostics.append(
+            Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint)
+        )
         return Function("unreadable")
     plain = [parameter for parameter in operator.parameters if parameter.type not in NUMERIC_TYPES]
     if len(plain) != len(words) - 1:
-        diagnostics.append(Diagnostic(file.at(offset), "K102", f"{words[0]} takes {len(plain)} arguments"))
+        diagnostics.append(
+            Diagnostic(file.at(offset), "K102", f"{words[0]} takes {len(plain)} arguments")
+        )
         return Function("unreadable")
     bindings: dict[Variable, Term] = {
         parameter.variable: Function(task.names.of("object", word))

@@ -16,7 +16,10 @@ RESERVED_NAMES = {"not", "object", "int", "time", "text"}
 
 @dataclass
 class NameMapping:
-    """A one-to-one mapping per kind of name. Types and predicates share one, because ASP does not distinguish them."""
+    """A one-to-one mapping per kind of name.
+
+    Types and predicates share one, because ASP does not distinguish them.
+    """
 
     _given: dict[tuple[str, str], str] = field(default_factory=dict)
     _taken: dict[tuple[str, str], str] = field(default_factory=dict)
@@ -60,7 +63,8 @@ class PddlScope:
     types: dict[str, Type] = field(default_factory=dict)  # by ASP name
     unions: dict[str, tuple[Statement, ...]] = field(default_factory=dict)  # types made of several
     objects: dict[str, str] = field(default_factory=dict)  # PDDL name: ASP name of its type
-    predicates: dict[str, tuple[str, ...]] = field(default_factory=dict)  # PDDL name: ASP names of types
+    # PDDL name: ASP names of types
+    predicates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     functions: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
@@ -117,7 +121,9 @@ class PddlScope:
         typed_parameters = []
         for word, type_ in read_typed_list(document, parts):
             if not word.text.startswith("?"):
-                document.add(word, "K801", f"'{word.text}' should be a variable", f"write ?{word.text}")
+                document.add(
+                    word, "K801", f"'{word.text}' should be a variable", f"write ?{word.text}"
+                )
             name = OBJECT_TYPE if type_ is None else self.type_of(document, type_)
             typed_parameters.append(Parameter(self.names.variable(word.text), name))
         return tuple(typed_parameters)

@@ -53,13 +53,17 @@ class DomainReader:
         return [group for group in self.groups if group.head == section]
 
     def declare(self) -> None:
-        """Types, constants, predicates and functions; sections that are not supported are refused."""
+        """Types, constants, predicates and functions; sections that are not supported are
+        refused.
+        """
         if self.document.root.head != "define":
             self.document.add(self.document.root, "K801", "a PDDL file is one (define ...)")
         for group in self.groups:
             if group.head not in PDDL_SECTIONS:
                 hint = "only classical planning is supported"
-                self.document.add(group, "K802", f"{group.head or 'this section'} is not supported", hint)
+                self.document.add(
+                    group, "K802", f"{group.head or 'this section'} is not supported", hint
+                )
         for group in self._all(":types"):
             self._types(group.rest)
         for group in self._all(":constants"):
@@ -86,7 +90,9 @@ class DomainReader:
                 else:
                     self.scope.types[name] = Type(name, above, (), self.document.where(word))
 
-    def declare_objects(self, document: Document, parts: Sequence[Expression], into: dict[str, str]) -> None:
+    def declare_objects(
+        self, document: Document, parts: Sequence[Expression], into: dict[str, str]
+    ) -> None:
         """The objects of a typed list, by PDDL name."""
         for word, type_ in read_typed_list(document, parts):
             name = OBJECT_TYPE if type_ is None else self.scope.type_of(document, type_)
@@ -113,7 +119,9 @@ class DomainReader:
                 self.scope.functions[part.head] = tuple(parameter.type for parameter in listed)
 
     def domain(self, functions: TaskFunctions) -> Domain:
-        """The domain: everything that was declared, with the actions and axioms; `functions` are those of the task."""
+        """The domain: everything that was declared, with the actions and axioms; `functions`
+        are those of the task.
+        """
         names = self.scope.names
         self.functions = self.conditions.numbers.functions = functions
         operators = tuple(self._action(group) for group in self._all(":action"))
@@ -124,13 +132,17 @@ class DomainReader:
             self.scope.types,
             {},
             constants,
-            {predicate.name: predicate for predicate in (*self._signatures(), *_universal_predicates(rules))},
+            {
+                predicate.name: predicate
+                for predicate in (*self._signatures(), *_universal_predicates(rules))
+            },
             operators,
             rules=rules,
             asp=tuple(part for union in self.scope.unions.values() for part in union),
             path=self.document.file.path,
             quantities={
-                name: Quantity(name, None, None) for name in map(self._predicate, sorted(functions.changing))
+                name: Quantity(name, None, None)
+                for name in map(self._predicate, sorted(functions.changing))
             },
         )
 
@@ -146,7 +158,11 @@ class DomainReader:
         names = self.scope.names
         for name, types in self.scope.predicates.items():
             kind = (
-                Kind.DERIVED if name in self.derived else Kind.FLUENT if name in self.changed else Kind.STATIC
+                Kind.DERIVED
+                if name in self.derived
+                else Kind.FLUENT
+                if name in self.changed
+                else Kind.STATIC
             )
             yield Predicate(names.of("predicate", name), types, kind)
         for name, types in self.scope.functions.items():
@@ -160,12 +176,16 @@ class DomainReader:
             self.document.add(group, "K801", "an action needs a name")
         name = word.text if isinstance(word, PddlWord) else "action"
         listed = group.field(":parameters")
-        parameters = self.scope.parameters(self.document, listed.parts if isinstance(listed, Group) else ())
+        parameters = self.scope.parameters(
+            self.document, listed.parts if isinstance(listed, Group) else ()
+        )
         types = {parameter.variable: parameter.type for parameter in parameters}
         needed, effect = group.field(":precondition"), group.field(":effect")
         numbers = self.conditions.numbers
         numbers.bound, numbers.outer = {}, frozenset(types)
-        precondition: Condition = ALWAYS_TRUE if needed is None else self.conditions.condition(needed, types)
+        precondition: Condition = (
+            ALWAYS_TRUE if needed is None else self.conditions.condition(needed, types)
+        )
         effects = tuple(self.conditions.effects(effect, types)) if effect is not None else ()
         read = functools.partial(self.conditions.function, types=types)
         changes, apart = numbers.changes(effect, read)
@@ -192,7 +212,9 @@ class DomainReader:
         head, condition = group.rest[0], group.rest[1]
         parameters = self.scope.parameters(self.document, head.rest)
         types = {parameter.variable: parameter.type for parameter in parameters}
-        atom = Function(self.scope.names.of("predicate", head.head), tuple(p.variable for p in parameters))
+        atom = Function(
+            self.scope.names.of("predicate", head.head), tuple(p.variable for p in parameters)
+        )
         normaliser = Normaliser(prefix=f"axiom_{group.offset}")
         guards = tuple(_type_guard(parameter) for parameter in parameters)
         read = self.conditions.condition(condition, types)

@@ -83,7 +83,10 @@ def _only_group(file: File) -> Group:
 
 
 def _outer_groups(file: File) -> Iterator[Group]:
-    """The outermost groups. An explicit stack limits the depth, instead of Python's recursion limit."""
+    """The outermost groups.
+
+    An explicit stack limits the depth, instead of Python's recursion limit.
+    """
     stack: list[tuple[int, list[Expression]]] = []
     for token, offset in _tokens_of(file.text):
         if token == "(" and len(stack) >= MAX_PDDL_DEPTH:
@@ -93,7 +96,9 @@ def _outer_groups(file: File) -> Iterator[Group]:
         if token == "(":
             stack.append((offset, []))
         elif not stack:
-            raise InvalidInput([Diagnostic(file.at(offset), "K106", f"'{token}' is outside all parentheses")])
+            raise InvalidInput(
+                [Diagnostic(file.at(offset), "K106", f"'{token}' is outside all parentheses")]
+            )
         elif token != ")":
             stack[-1][1].append(PddlWord(token.lower(), offset))
         else:
@@ -104,7 +109,9 @@ def _outer_groups(file: File) -> Iterator[Group]:
             else:
                 yield group
     if stack:
-        raise InvalidInput([Diagnostic(file.at(stack[-1][0]), "K106", "this parenthesis is never closed")])
+        raise InvalidInput(
+            [Diagnostic(file.at(stack[-1][0]), "K106", "this parenthesis is never closed")]
+        )
 
 
 def _tokens_of(text: str) -> Iterator[tuple[str, int]]:
@@ -120,7 +127,8 @@ _AROUND_ACTION = re.compile(r"^\s*(?:\d+(?:\.\d+)?\s*:)?\s*|\s*(?:\[[\d.\s]*\])?
 def plan_actions(text: str) -> Iterator[tuple[list[str], int]]:
     """The actions of a plan file, one per line: their words in small letters, and their place.
 
-    Parentheses, a time before the action (`3: (...)`), a duration after it (`[1]`) and comments are skipped.
+    Parentheses, a time before the action (`3: (...)`), a duration after it (`[1]`) and comments are
+    skipped.
     """
     for line in _TEXT_LINE.finditer(text):
         small = line[0].lower()

@@ -1,6 +1,7 @@
 """Numeric conditions, effects and costs of PDDL actions as comparisons and changes of quantities.
 
-All numbers are made whole by the units of their functions; a comparison is multiplied until its factors are whole, too.
+All numbers are made whole by the units of their functions; a comparison is multiplied until its
+factors are whole, too.
 """
 
 import itertools
@@ -20,7 +21,15 @@ from cellwright.engine.formats.interop.pddl.numeric_functions import (
     numeric_effects,
     polynomial_of,
 )
-from cellwright.kb.model.conditions import ALWAYS_TRUE, And, Comparison, Condition, Exists, Literal, Parameter
+from cellwright.kb.model.conditions import (
+    ALWAYS_TRUE,
+    And,
+    Comparison,
+    Condition,
+    Exists,
+    Literal,
+    Parameter,
+)
 from cellwright.kb.model.domain_model import Effect, Quantity
 from cellwright.kb.model.quantity_fluents import (
     distinct_quantities,
@@ -42,7 +51,8 @@ class NumberReader:
     document: Document
     names: NameMapping
     functions: TaskFunctions
-    known: dict[Function, Fraction] = field(default_factory=dict)  # values of functions that do not change
+    # values of functions that do not change
+    known: dict[Function, Fraction] = field(default_factory=dict)
     bound: dict[Function, Variable] | None = (
         None  # the functions that an action reads, with variables for their values
     )
@@ -65,13 +75,17 @@ class NumberReader:
         self.document.add(wrong.at, "K802", f"this number is not supported: {wrong.why}", hint)
 
     def _compared(self, difference: Exact, at: Group) -> Condition:
-        """A polynomial compared with 0: what is added stands on the left, what is subtracted on the right."""
+        """A polynomial compared with 0: what is added stands on the left, what is subtracted on
+        the right.
+        """
         counted = self._counted(self._folded(difference), at)
         whole = math.lcm(1, *(factor.denominator for factor in counted.parts.values()))
         common = math.gcd(*(int(factor * whole) for factor in counted.parts.values())) or 1
         sides: tuple[list[Term], list[Term]] = ([], [])
         for monomial, factor in counted.parts.items():
-            sides[factor < 0].append(self._product(abs(int(factor * whole)) // common, monomial, at))
+            sides[factor < 0].append(
+                self._product(abs(int(factor * whole)) // common, monomial, at)
+            )
         left, right = (_sum_of(side) for side in sides)
         return self._bound(Comparison(left, at.head, right))
 
@@ -81,17 +95,23 @@ class NumberReader:
         for monomial, factor in given.parts.items():
             rest = tuple(function for function in monomial if function not in self.known)
             value = math.prod(
-                (self.known[function] for function in monomial if function in self.known), start=factor
+                (self.known[function] for function in monomial if function in self.known),
+                start=factor,
             )
             folded = folded + Polynomial({rest: value})
         return folded
 
     def _counted(self, given: Exact, at: Group) -> Exact:
-        """The polynomial over what functions count, instead of over their values. Raises `Unreadable` if it is not linear."""
+        """The polynomial over what functions count, instead of over their values.
+
+        Raises `Unreadable` if it is not linear.
+        """
         for monomial in given.parts:
             if sum(self._changes(function) for function in monomial) > 1:
                 raise Unreadable(at, "a product of functions that change is not linear")
-        return Polynomial({m: factor / math.prod(map(self._unit, m)) for m, factor in given.parts.items()})
+        return Polynomial(
+            {m: factor / math.prod(map(self._unit, m)) for m, factor in given.parts.items()}
+        )
 
     def _unit(self, function: Function) -> int:
         return self.functions.unit(self._original(function))
@@ -111,7 +131,9 @@ class NumberReader:
         return product
 
     def _bound(self, comparison: Comparison) -> Condition:
-        """The comparison with variables for values: those of quantities hold now, those of other functions always."""
+        """The comparison with variables for values: those of quantities hold now, those of
+        other functions always.
+        """
         values: dict[Function, Variable] = {}
         fixed: dict[Function, Variable] = {}
         left, right = (
@@ -121,8 +143,12 @@ class NumberReader:
         test = Comparison(left, comparison.relation, right, exact=True)
         condition: Condition = some_values(values, [test]) if values else test
         if fixed:
-            facts = (Literal(value_atom(function, variable)) for function, variable in fixed.items())
-            condition = Exists(tuple(Parameter(v, "int") for v in fixed.values()), And((*facts, condition)))
+            facts = (
+                Literal(value_atom(function, variable)) for function, variable in fixed.items()
+            )
+            condition = Exists(
+                tuple(Parameter(v, "int") for v in fixed.values()), And((*facts, condition))
+            )
         return condition
 
     @property
@@ -130,19 +156,27 @@ class NumberReader:
         return {self.names.of("predicate", name) for name in self.functions.changing}
 
     def _fixed(self, term: Term, fixed: dict[Function, Variable]) -> Term:
-        """A term with variables for functions that do not change: those of the action, or new ones in `fixed`."""
+        """A term with variables for functions that do not change: those of the action, or new
+        ones in `fixed`.
+        """
         match term:
             case Operation(sign, left, right):
                 return Operation(sign, self._fixed(left, fixed), self._fixed(right, fixed))
-            case Function() if self.bound is not None and self.outer.issuperset(term_variables(term)):
+            case Function() if self.bound is not None and self.outer.issuperset(
+                term_variables(term)
+            ):
                 return self.bound.setdefault(term, Variable(f"Number{len(self.bound) + 1}__"))
             case Function():
                 return fixed.setdefault(term, Variable(f"_Number{next(self._fresh)}"))
             case _:
                 return term
 
-    def changes(self, effect: Expression | None, read: Read) -> tuple[list[Effect], list[Comparison]]:
-        """What an action does to quantities, and what must be so that it changes none of them twice."""
+    def changes(
+        self, effect: Expression | None, read: Read
+    ) -> tuple[list[Effect], list[Comparison]]:
+        """What an action does to quantities, and what must be so that it changes none of them
+        twice.
+        """
         totals: dict[Function, tuple[bool, Exact, NumericEffect]] = {}
         for numeric_effect in numeric_effects(effect):
             if numeric_effect.name not in self.functions.changing:
@@ -160,7 +194,10 @@ class NumberReader:
         return effects, distinct_quantities(itertools.combinations(totals, 2))
 
     def _add(
-        self, effect: NumericEffect, read: Read, totals: dict[Function, tuple[bool, Exact, NumericEffect]]
+        self,
+        effect: NumericEffect,
+        read: Read,
+        totals: dict[Function, tuple[bool, Exact, NumericEffect]],
     ) -> None:
         if effect.conditional:
             raise Unreadable(effect.at, "it changes only under a condition, or for several objects")
@@ -185,7 +222,9 @@ class NumberReader:
         replace_quantities(quantity, self._quantities, values, self._fresh)
         fixed: dict[Function, Variable] = {}
         held = self._fixed(replace_quantities(term, self._quantities, values, self._fresh), fixed)
-        return value_change(quantity, held, values, Quantity(quantity.name, None, None), self._fresh)
+        return value_change(
+            quantity, held, values, Quantity(quantity.name, None, None), self._fresh
+        )
 
     def _whole(self, given: Exact, at: Group) -> Term:
         """A polynomial in what functions count; its factors are whole by the choice of units."""
@@ -204,7 +243,8 @@ class NumberReader:
                 if weight := self.functions.metric.get(numeric_effect.name):
                     total = total + polynomial_of(numeric_effect.amount, read).times(weight)
             term = self._whole(
-                self._folded(total).times(Fraction(self.functions.unit_of_cost)), _effect_group(effect)
+                self._folded(total).times(Fraction(self.functions.unit_of_cost)),
+                _effect_group(effect),
             )
         except Unreadable as wrong:
             self._refuse(wrong)
@@ -224,7 +264,9 @@ def _effect_group(at: Expression | None) -> Group:
 def function_bindings(
     bound: Mapping[Function, Variable],
 ) -> tuple[tuple[Literal, ...], tuple[Parameter, ...]]:
-    """The facts that give functions their values, and the variables of these values as parameters."""
+    """The facts that give functions their values, and the variables of these values as
+    parameters.
+    """
     facts = tuple(Literal(value_atom(function, variable)) for function, variable in bound.items())
     return facts, tuple(Parameter(variable, "int") for variable in bound.values())
 

@@ -1,6 +1,7 @@
 """Numeric functions of a PDDL task: which change, in which units they count, what plans cost.
 
-A monomial is a tuple of functions; the empty one stands for the number 1. What a function is does not matter here.
+A monomial is a tuple of functions; the empty one stands for the number 1. What a function is does
+not matter here.
 """
 
 import math
@@ -65,12 +66,16 @@ class Polynomial(Generic[Key]):
 
     def times(self, factor: Fraction) -> "Polynomial[Key]":
         """The polynomial with each coefficient multiplied."""
-        return Polynomial({monomial: factor * coefficient for monomial, coefficient in self.parts.items()})
+        return Polynomial(
+            {monomial: factor * coefficient for monomial, coefficient in self.parts.items()}
+        )
 
 
 def written_number(at: Expression) -> Fraction | None:
     """The number that is written here, exactly; None if this is something else."""
-    return Fraction(at.text) if isinstance(at, PddlWord) and _NUMBER_WORD.fullmatch(at.text) else None
+    return (
+        Fraction(at.text) if isinstance(at, PddlWord) and _NUMBER_WORD.fullmatch(at.text) else None
+    )
 
 
 def polynomial_of(at: Expression, key: Callable[[Group], Key]) -> Polynomial[Key]:
@@ -78,7 +83,8 @@ def polynomial_of(at: Expression, key: Callable[[Group], Key]) -> Polynomial[Key
     if (value := written_number(at)) is not None:
         return Polynomial.number(value)
     if isinstance(at, PddlWord):
-        return Polynomial({(key(Group((at,), at.offset)),): Fraction(1)})  # a function without arguments
+        # a function without arguments
+        return Polynomial({(key(Group((at,), at.offset)),): Fraction(1)})
     if at.head not in ARITHMETIC_SIGNS:
         return Polynomial({(key(at),): Fraction(1)})
     parts = [polynomial_of(part, key) for part in at.rest]
@@ -118,7 +124,8 @@ class FunctionGrowth(NamedTuple):
 def function_units(
     values: Mapping[str, Iterable[Fraction]], growths: Iterable[FunctionGrowth]
 ) -> dict[str, int]:
-    """For each function the number of parts of 1 in which it counts, so that `values` and all it becomes are whole.
+    """For each function the number of parts of 1 in which it counts, so that `values` and all it
+    becomes are whole.
 
     Raises `Unreadable` if no number of parts is fine enough.
     """
@@ -134,7 +141,9 @@ def function_units(
                 parts_of_unit.get(growth.name, 1), *cost_denominators(growth.amount, parts_of_unit)
             )
             if finer > MAX_PARTS_OF_UNIT:
-                raise Unreadable(growth.at, f"{growth.name} would take values finer than a millionth")
+                raise Unreadable(
+                    growth.at, f"{growth.name} would take values finer than a millionth"
+                )
             moved |= finer != parts_of_unit.get(growth.name, 1)
             parts_of_unit[growth.name] = finer
     return parts_of_unit
@@ -154,7 +163,9 @@ TOTAL_COST = "total-cost"
 
 @dataclass(frozen=True, slots=True)
 class NumericEffect:
-    """An effect `(kind (function ...) amount)`, and whether it happens only under a condition or for several bindings."""
+    """An effect `(kind (function ...) amount)`, and whether it happens only under a condition
+    or for several bindings.
+    """
 
     kind: str
     function: Group
@@ -177,7 +188,11 @@ def numeric_effects(at: Expression | None, conditional: bool = False) -> Iterato
             yield from numeric_effects(part, conditional)
     elif at.head in ("when", "forall") and len(at.rest) == 2:
         yield from numeric_effects(at.rest[1], True)
-    elif at.head in CHANGE_WORDS and len(at.rest) == 2 and (function := function_of(at.rest[0])) is not None:
+    elif (
+        at.head in CHANGE_WORDS
+        and len(at.rest) == 2
+        and (function := function_of(at.rest[0])) is not None
+    ):
         yield NumericEffect(at.head, function, at.rest[1], at, conditional)
 
 
@@ -204,7 +219,8 @@ class TaskFunctions:
     changing: set[str] = field(default_factory=set)  # those that become quantities
     ignored: set[str] = field(default_factory=set)  # those that change and that nothing reads
     units: dict[str, int] = field(default_factory=dict)  # the parts of 1 in which each counts
-    metric: dict[str, Fraction] | None = None  # what each function adds to the cost; None: a step costs 1
+    # what each function adds to the cost; None: a step costs 1
+    metric: dict[str, Fraction] | None = None
     unit_of_cost: int = 1  # the parts of 1 in which costs count
     unfollowed: str = ""  # why the metric is not followed
 
@@ -232,7 +248,10 @@ class FunctionReader:
         given = self._values()
         needed = self._needed()
         functions.changing = {effect.name for effect in self._effects if effect.name in needed}
-        functions.ignored = {TOTAL_COST, *(effect.name for effect in self._effects)} - functions.changing
+        functions.ignored = {
+            TOTAL_COST,
+            *(effect.name for effect in self._effects),
+        } - functions.changing
         kept = [effect for effect in self._effects if effect.name in functions.changing]
         try:
             functions.units = function_units(
@@ -244,7 +263,10 @@ class FunctionReader:
         return functions
 
     def _refuse(self, document: Document, at: Expression, why: str) -> None:
-        hint = "numbers are whole or decimal, and conditions and effects are sums of functions with fixed factors"
+        hint = (
+            "numbers are whole or decimal, and conditions and effects are sums of functions "
+            "with fixed factors"
+        )
         document.add(at, "K802", f"this number is not supported: {why}", hint)
 
     def _values(self) -> dict[str, list[Fraction]]:
@@ -262,7 +284,11 @@ class FunctionReader:
         """The functions that conditions read, and those that these are changed by."""
         conditions = [
             *(action.field(":precondition") for action in self._actions),
-            *(when for action in self._actions for when in _effect_premises(action.field(":effect"))),
+            *(
+                when
+                for action in self._actions
+                for when in _effect_premises(action.field(":effect"))
+            ),
             *(part for part in file_sections(self.domain) if part.head == ":derived"),
             *(part for part in file_sections(self.problem) if part.head == ":goal"),
         ]
@@ -282,10 +308,16 @@ class FunctionReader:
         return polynomial_of(at, lambda group: group.head)
 
     def _metric(self, functions: TaskFunctions) -> None:
-        metric = next((part for part in file_sections(self.problem) if part.head == ":metric"), None)
+        metric = next(
+            (part for part in file_sections(self.problem) if part.head == ":metric"), None
+        )
         if metric is None:
             return
-        if metric.rest and isinstance(metric.rest[0], PddlWord) and metric.rest[0].text == "maximize":
+        if (
+            metric.rest
+            and isinstance(metric.rest[0], PddlWord)
+            and metric.rest[0].text == "maximize"
+        ):
             functions.unfollowed = "plans are made cheap, nothing is made as large as possible"
             return
         try:
@@ -304,7 +336,12 @@ class FunctionReader:
             return
         functions.metric = weights
         functions.unit_of_cost = lcm(
-            1, *(part for cost_amount in amounts for part in cost_denominators(cost_amount, functions.units))
+            1,
+            *(
+                part
+                for cost_amount in amounts
+                for part in cost_denominators(cost_amount, functions.units)
+            ),
         )
 
     def _weights(self, metric: Group) -> dict[str, Fraction]:
@@ -313,12 +350,18 @@ class FunctionReader:
         if not isinstance(aim, PddlWord) or aim.text != "minimize":
             raise Unreadable(metric, "write (:metric minimize (function))")
         read = self._named(metric.rest[1])
-        if any(len(monomial) > 1 for monomial in read.parts) or min(read.parts.values(), default=0) < 0:
+        if (
+            any(len(monomial) > 1 for monomial in read.parts)
+            or min(read.parts.values(), default=0) < 0
+        ):
             raise Unreadable(metric, "a metric is a sum of functions with positive factors")
         return {monomial[0]: factor for monomial, factor in read.parts.items() if monomial}
 
     def _no_cost(self, effect: NumericEffect) -> str:
-        """Why an effect on the metric is no cost of a step; empty if it is one. A conditional one is refused."""
+        """Why an effect on the metric is no cost of a step; empty if it is one.
+
+        A conditional one is refused.
+        """
         if effect.conditional:
             self._refuse(self.domain, effect.at, "a cost that rises only under a condition")
         if effect.kind != "increase":

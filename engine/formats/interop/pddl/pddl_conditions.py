@@ -48,7 +48,9 @@ Types = Mapping[Variable, str]
 class ConditionReader:
     """Reads the conditions and effects of one document."""
 
-    def __init__(self, document: Document, scope: PddlScope, functions: TaskFunctions | None = None) -> None:
+    def __init__(
+        self, document: Document, scope: PddlScope, functions: TaskFunctions | None = None
+    ) -> None:
         self.document, self.scope = document, scope
         self.numbers = NumberReader(document, scope.names, functions or TaskFunctions())
 
@@ -123,7 +125,9 @@ class ConditionReader:
             raise Unreadable(at, f"there is no function '{at.head}'{f' ({near})' if near else ''}")
         if len(at.rest) != len(signature):
             raise Unreadable(at, f"{at.head} takes {len(signature)} arguments, not {len(at.rest)}")
-        arguments = (self.term(part, type_, types) for part, type_ in zip(at.rest, signature, strict=True))
+        arguments = (
+            self.term(part, type_, types) for part, type_ in zip(at.rest, signature, strict=True)
+        )
         return Function(self.scope.names.of("predicate", at.head), tuple(arguments))
 
     def _unsupported(self, at: Expression, what: str) -> None:
@@ -137,9 +141,13 @@ class ConditionReader:
             self._unknown(at)
             return None
         if len(at.rest) != len(signature):
-            self.document.add(at, "K102", f"{at.head} takes {len(signature)} arguments, not {len(at.rest)}")
+            self.document.add(
+                at, "K102", f"{at.head} takes {len(signature)} arguments, not {len(at.rest)}"
+            )
             return None
-        arguments = (self.term(part, type_, types) for part, type_ in zip(at.rest, signature, strict=True))
+        arguments = (
+            self.term(part, type_, types) for part, type_ in zip(at.rest, signature, strict=True)
+        )
         return Function(self.scope.names.of("predicate", at.head), tuple(arguments))
 
     def _unknown(self, at: Group) -> None:
@@ -154,7 +162,10 @@ class ConditionReader:
             self.document.add(at, "K101", f"unknown predicate '{at.head}'", near)
 
     def term(self, at: Expression, expected: str, types: Types) -> Term:
-        """A variable in scope or an object. A type that surely differs from the expected one is reported."""
+        """A variable in scope or an object.
+
+        A type that surely differs from the expected one is reported.
+        """
         if isinstance(at, Group):
             self._unsupported(at, "object fluents")
             return Function("unreadable")
@@ -167,7 +178,10 @@ class ConditionReader:
             return variable
         if at.text not in self.scope.objects:
             self.document.add(
-                at, "K101", f"unknown object '{at.text}'", nearest_hint(at.text, list(self.scope.objects))
+                at,
+                "K101",
+                f"unknown object '{at.text}'",
+                nearest_hint(at.text, list(self.scope.objects)),
             )
         elif not self.scope.is_subtype(self.scope.objects[at.text], expected):
             self._mismatch(at, self.scope.objects[at.text], expected)
@@ -175,15 +189,24 @@ class ConditionReader:
 
     def _mismatch(self, at: PddlWord, actual: str, expected: str) -> None:
         original = self.scope.names.original
-        said = f"{at.text} is {original('type', actual)}, but {original('type', expected)} is wanted here"
+        said = (
+            f"{at.text} is {original('type', actual)}, but {original('type', expected)} is "
+            "wanted here"
+        )
         self.document.add(at, "K103", said)
 
     def effects(
-        self, at: Expression, types: Types, local: tuple[Parameter, ...] = (), when: Condition = ALWAYS_TRUE
+        self,
+        at: Expression,
+        types: Types,
+        local: tuple[Parameter, ...] = (),
+        when: Condition = ALWAYS_TRUE,
     ) -> Iterator[Effect]:
         """The effects of an action but those on numbers."""
         if isinstance(at, PddlWord):
-            self.document.add(at, "K801", f"'{at.text}' is not an effect", "write effects in parentheses")
+            self.document.add(
+                at, "K801", f"'{at.text}' is not an effect", "write effects in parentheses"
+            )
             return
         match at.head:
             case "and" | "":
@@ -214,5 +237,8 @@ class ConditionReader:
         changed = function_of(at.rest[0]) if len(at.rest) == 2 else None
         if changed is None or changed.head not in self.scope.functions:
             self.document.add(
-                at, "K801", f"'{at.head}' changes a function by an amount", "write (increase (f ?x) 1)"
+                at,
+                "K801",
+                f"'{at.head}' changes a function by an amount",
+                "write (increase (f ?x) 1)",
             )

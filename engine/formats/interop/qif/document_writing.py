@@ -6,7 +6,14 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 QIF_NAMESPACE = "http://qifstandards.org/xsd/qif3"
-UNIT_FACTORS = {"m": "1", "cm": "0.01", "mm": "0.001", "um": "0.000001", "nm": "0.000000001", "in": "0.0254"}
+UNIT_FACTORS = {
+    "m": "1",
+    "cm": "0.01",
+    "mm": "0.001",
+    "um": "0.000001",
+    "nm": "0.000000001",
+    "in": "0.0254",
+}
 
 
 def new_document() -> Element:
@@ -31,7 +38,9 @@ def add_path(parent: Element, *path: str, text: str | None = None) -> Element:
 
 def add_standard(root: Element, number: int) -> int:
     """The standard that characteristics refer to, under this id, which comes back."""
-    standard_element = SubElement(SubElement(root, "StandardsDefinitions", n="1"), "Standard", id=str(number))
+    standard_element = SubElement(
+        SubElement(root, "StandardsDefinitions", n="1"), "Standard", id=str(number)
+    )
     add_path(standard_element, "Organization", "StandardsOrganizationEnum", text="ISO")
     SubElement(standard_element, "Designator").text = "23952"
     return number

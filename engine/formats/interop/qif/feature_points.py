@@ -1,9 +1,10 @@
 """Points to measure on the features of a QIF document, by a sampling scheme for each kind.
 
-On planes, the points lie inside the outline, each as far as possible from those before. On cylinders and cones, they lie on
-rings at a quarter and three quarters of the length; the second ring is turned by half a step. On lines and arcs, they are
-evenly spaced, half a step from the ends. On toroidal segments, they lie along the middle of the tube. For opposite planes, a
-thickness is measured at points on the first plane. A feature without a scheme is excluded.
+On planes, the points lie inside the outline, each as far as possible from those before. On
+cylinders and cones, they lie on rings at a quarter and three quarters of the length; the second
+ring is turned by half a step. On lines and arcs, they are evenly spaced, half a step from the ends.
+On toroidal segments, they lie along the middle of the tube. For opposite planes, a thickness is
+measured at points on the first plane. A feature without a scheme is excluded.
 """
 
 from collections.abc import Callable, Iterator
@@ -48,7 +49,8 @@ NO_POINTS_REASONS = {
 def inspection_of(path: Path, unit_m: float = 1e-3, edge_m: float | None = None) -> Inspection:
     """The points at which the features of a QIF document are measured. Raises `InvalidInput`.
 
-    `unit_m` is the unit of length of a document that names none. Points on faces are at least `edge_m` away from their edges.
+    `unit_m` is the unit of length of a document that names none. Points on faces are at least
+    `edge_m` away from their edges.
     """
     root, file = read_qif_document(path)
     reading = DocumentReading(root, file, unit_m)
@@ -65,7 +67,11 @@ def inspection_of(path: Path, unit_m: float = 1e-3, edge_m: float | None = None)
         else:
             number = feature.name.removeprefix("f")
             placed = _points_of_feature(feature, placement, steps.get(number, 0))
-            points += placed if number not in asked else (_as_asked(point, asked[number]) for point in placed)
+            points += (
+                placed
+                if number not in asked
+                else (_as_asked(point, asked[number]) for point in placed)
+            )
             remarks += [Excluded(feature.name, placement.remark)] if placement.remark else []
     return Inspection(path.stem, tuple(points), tuple(excluded), len(features), tuple(remarks))
 
@@ -100,7 +106,11 @@ def _points_of_feature(
     thick = feature.kind == "OppositeParallelPlanes"
     kind, nominal = ("thickness", feature.sizes["Width"]) if thick else ("profile", 0.0)
     tolerance = min(feature.tolerances.values(), default=None)
-    bore = feature.sizes.get("Diameter") if feature.internal and feature.kind in BORE_FEATURES else None
+    bore = (
+        feature.sizes.get("Diameter")
+        if feature.internal and feature.kind in BORE_FEATURES
+        else None
+    )
     for number, (position, normal) in enumerate(placement.points, 1):
         yield MeasurementPoint(
             f"{feature.name}_{number}",
@@ -121,7 +131,13 @@ def _as_asked(point: MeasurementPoint, asked: AskedPoint) -> MeasurementPoint:
     nominal = asked.nominal_m if asked.nominal_m is not None else 0.0 if kind == "profile" else None
     feature = asked.name or point.feature
     return replace(
-        point, name=name, feature=feature, kind=kind, nominal_m=nominal, bore_m=asked.bore_m, tool=asked.tool
+        point,
+        name=name,
+        feature=feature,
+        kind=kind,
+        nominal_m=nominal,
+        bore_m=asked.bore_m,
+        tool=asked.tool,
     )
 
 
@@ -135,9 +151,13 @@ def _unit_of(v: Triple | Floats) -> Floats:
 
 
 def _feature_frame(feature: DrawnFeature) -> tuple[Floats, Floats, Floats]:
-    """Three unit vectors at right angles: the direction of the feature, one across it, and their cross product."""
+    """Three unit vectors at right angles: the direction of the feature, one across it, and
+    their cross product.
+    """
     z = _unit_of(feature.along)
-    x = np.asarray(feature.across if feature.across else np.eye(3)[int(np.argmin(np.abs(z)))], float)
+    x = np.asarray(
+        feature.across if feature.across else np.eye(3)[int(np.argmin(np.abs(z)))], float
+    )
     x = x - (x @ z) * z
     if np.linalg.norm(x) < 1e-9:
         x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
@@ -157,15 +177,20 @@ def _plane_points(feature: DrawnFeature) -> Placed:
     low, high = flat.min(axis=0), flat.max(axis=0)
     edge = PLANE_MARGIN * (high - low)
     free = middle[((middle >= low + edge) & (middle <= high - edge)).all(axis=1)]
-    chosen = spread_points(free if len(free) else middle, surface_points(float(areas.sum()), feature))
+    chosen = spread_points(
+        free if len(free) else middle, surface_points(float(areas.sum()), feature)
+    )
     return [(corners[0] + u * x + v * y, z) for u, v in (free if len(free) else middle)[chosen]]
 
 
 def _sweep_angles(feature: DrawnFeature, count: int, turned: float = 0.0) -> Floats:
-    """Angles from `across`, evenly spaced over the sweep; if it is not a full turn, half a step from its ends."""
+    """Angles from `across`, evenly spaced over the sweep; if it is not a full turn, half a step
+    from its ends.
+    """
     first, last = feature.sweep or FULL_SWEEP
     angles: Floats = (
-        first + (last - first) * (np.arange(count) + (0.5 if last - first < 6.28 else turned)) / count
+        first
+        + (last - first) * (np.arange(count) + (0.5 if last - first < 6.28 else turned)) / count
     )
     return angles
 
@@ -176,7 +201,9 @@ def _ring_points(feature: DrawnFeature, reach: tuple[float, float], slope: float
     first, last = feature.sweep or FULL_SWEEP
     length, radius = reach[1] - reach[0], feature.sizes.get("Diameter", 0.0) / 2
     area = (last - first) * length * (radius + slope * sum(reach) / 2)
-    count = max(section_points(feature), -(-surface_points(abs(area), feature) // len(RING_SECTIONS)))
+    count = max(
+        section_points(feature), -(-surface_points(abs(area), feature) // len(RING_SECTIONS))
+    )
     sign, placed = (-1.0 if feature.internal else 1.0), []
     for ring, part in enumerate(RING_SECTIONS):
         s = reach[0] + part * length
@@ -215,12 +242,16 @@ def _arc_points(feature: DrawnFeature) -> Placed:
 
 
 def _torus_points(feature: DrawnFeature) -> Placed:
-    """Points along the middle of the tube, at the latitude of the segment's outer edge, a quarter turn from the axis."""
+    """Points along the middle of the tube, at the latitude of the segment's outer edge, a
+    quarter turn from the axis.
+    """
     z, x, y = _feature_frame(feature)
     first, last = feature.sweep or FULL_SWEEP
     major, minor = feature.sizes["MajorDiameter"] / 2, feature.sizes["MinorDiameter"] / 2
     latitude, sign, placed = 3 * np.pi / 4, (-1.0 if feature.internal else 1.0), []
-    for angle in _sweep_angles(feature, surface_points((last - first) * major * minor * np.pi / 2, feature)):
+    for angle in _sweep_angles(
+        feature, surface_points((last - first) * major * minor * np.pi / 2, feature)
+    ):
         out = np.cos(angle) * x + np.sin(angle) * y
         normal = np.cos(latitude) * out + np.sin(latitude) * z
         placed.append((np.array(feature.position) + major * out + minor * normal, sign * normal))

@@ -12,14 +12,22 @@ from cellwright.engine.formats.interop.qif.qif_document import (
 from cellwright.engine.model.part_measurements import DrawnFeature
 from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 
-PRECEDENCE_STEPS = {"PRIMARY": 1, "SECONDARY": 2, "TERTIARY": 3, "QUATERNARY": 4, "QUINARY": 5, "SENARY": 6}
+PRECEDENCE_STEPS = {
+    "PRIMARY": 1,
+    "SECONDARY": 2,
+    "TERTIARY": 3,
+    "QUATERNARY": 4,
+    "QUINARY": 5,
+    "SENARY": 6,
+}
 LATER_STEP = 7  # precedence of another name
 
 
 def alignment_steps(root: QifElement) -> dict[str, int]:
     """The step (1 first) in which each feature that is a datum is measured, by the ids of features.
 
-    A datum of several frames has its earliest step. In a document without frames, the datums follow their labels.
+    A datum of several frames has its earliest step. In a document without frames, the datums follow
+    their labels.
     """
     features = {name: tuple(feature_ids) for name, feature_ids in _datum_features(root)}
     steps: dict[str, int] = {}
@@ -44,7 +52,9 @@ def _datum_features(root: QifElement) -> Iterator[tuple[str, list[str]]]:
     for datum in _children_of(root, "DatumDefinitions"):
         own = _ids_in(datum.at("FeatureNominalIds"))
         through = [
-            targets[target_id] for target_id in _ids_in(datum.at("DatumTargetIds")) if targets.get(target_id)
+            targets[target_id]
+            for target_id in _ids_in(datum.at("DatumTargetIds"))
+            if targets.get(target_id)
         ]
         yield datum.attributes.get("id", ""), [*own, *through]
 
@@ -100,12 +110,19 @@ DIRECTION_PATHS = (
     ("CenterPlane", "Normal"),
     ("Direction",),
 )
-ACROSS_PATHS = (("Sweep", "DirBeg"), ("LatitudeLongitudeSweep", "DirMeridianPrime"), ("LengthVector",))
+ACROSS_PATHS = (
+    ("Sweep", "DirBeg"),
+    ("LatitudeLongitudeSweep", "DirMeridianPrime"),
+    ("LengthVector",),
+)
 SWEEP_PATHS = (("Sweep", "DomainAngle"), ("LatitudeLongitudeSweep", "DomainLongitude"))
 
 
 def read_features(path: Path) -> tuple[DrawnFeature, ...]:
-    """The nominal features of a QIF document, in the order of the document. Raises `InvalidInput`."""
+    """The nominal features of a QIF document, in the order of the document.
+
+    Raises `InvalidInput`.
+    """
     root, file = read_qif_document(path)
     return nominal_features(root, DocumentReading(root, file))
 
@@ -121,7 +138,9 @@ def nominal_features(root: QifElement, reading: DocumentReading) -> tuple[DrawnF
             "the file must give the position of its features",
         )
     tolerances = _feature_tolerances(root, reading)
-    return tuple(_read_feature(nominal, definitions, tolerances, reading) for nominal in nominals.children)
+    return tuple(
+        _read_feature(nominal, definitions, tolerances, reading) for nominal in nominals.children
+    )
 
 
 def _by_id(parent: QifElement | None) -> dict[str, QifElement]:
@@ -141,7 +160,9 @@ def _read_feature(
     name, refers = nominal.attributes.get("id", ""), nominal.text_at("FeatureDefinitionId")
     if refers not in definitions:
         known = set(definitions)
-        raise InvalidInput([unknown_name("feature definition", refers, known, reading.where(nominal))])
+        raise InvalidInput(
+            [unknown_name("feature definition", refers, known, reading.where(nominal))]
+        )
     definition = definitions[refers]
     sizes = {}
     for element in (*definition.children, *nominal.children):
@@ -155,7 +176,12 @@ def _read_feature(
         for i in range(0, len(outline) - 2, 3)
     )
     sweep = next(
-        (reading.numbers(sweep_element) for path in SWEEP_PATHS if (sweep_element := nominal.at(*path))), []
+        (
+            reading.numbers(sweep_element)
+            for path in SWEEP_PATHS
+            if (sweep_element := nominal.at(*path))
+        ),
+        [],
     )
     return DrawnFeature(
         f"f{name}",
@@ -175,7 +201,11 @@ def _read_feature(
 def _entity_ids(nominal: QifElement) -> tuple[str, ...]:
     """The ids of the faces or edges that a feature consists of."""
     group = nominal.at("EntityInternalIds")
-    return tuple(id_element.text.strip() for id_element in group.all("Id")) if group is not None else ()
+    return (
+        tuple(id_element.text.strip() for id_element in group.all("Id"))
+        if group is not None
+        else ()
+    )
 
 
 def _feature_tolerances(root: QifElement, reading: DocumentReading) -> dict[str, dict[str, float]]:

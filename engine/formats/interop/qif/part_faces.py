@@ -9,18 +9,26 @@ import numpy as np
 from cellwright.engine.formats.interop.qif.curves import core_of, curve_chain, trim_chain
 from cellwright.engine.formats.interop.qif.polygon_regions import points_inside, row_points
 from cellwright.engine.formats.interop.qif.qif_document import DocumentReading, QifElement, is_true
-from cellwright.engine.formats.interop.qif.qif_surfaces import ParametricSurface, move_surface, surface_of
+from cellwright.engine.formats.interop.qif.qif_surfaces import (
+    ParametricSurface,
+    move_surface,
+    surface_of,
+)
 from cellwright.engine.kernels.arrays import Floats, Longs, Truths
 
 SEAM_TOLERANCE = 1e-3  # of a period: gaps this near to whole periods are seams
 PARTS_OF_STEP = 16
-TURN_ADVANTAGE = 1e-6  # of the domain: a piece is turned only if it then fits better by more than this
+# of the domain: a piece is turned only if it then fits better by more than this
+TURN_ADVANTAGE = 1e-6
 MAX_EDGE_POINTS = 20_000  # points along one edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loop:
-    """The edges of a loop in order: their ids, and points (n, 2) along each in parameters. `form` is OUTER, INNER or another."""
+    """The edges of a loop in order: their ids, and points (n, 2) along each in parameters.
+
+    `form` is OUTER, INNER or another.
+    """
 
     form: str
     edges: tuple[tuple[str, Floats], ...]
@@ -44,11 +52,15 @@ def material_polygons(
 
 
 def _join_pieces(pieces: Sequence[Floats], base: ParametricSurface) -> Floats:
-    """Pieces one behind the other. Pieces that run the other way are turned, gaps of whole periods are closed."""
+    """Pieces one behind the other.
+
+    Pieces that run the other way are turned, gaps of whole periods are closed.
+    """
     first = pieces[0]
     if (
         len(pieces) > 1
-        and _gap_between(first, pieces[1], base) > _gap_between(first[::-1], pieces[1], base) + TURN_ADVANTAGE
+        and _gap_between(first, pieces[1], base)
+        > _gap_between(first[::-1], pieces[1], base) + TURN_ADVANTAGE
     ):
         first = first[::-1]
     pieces_joined = [first]
@@ -75,7 +87,9 @@ def _parameter_distance(p: Floats, q: Floats, base: ParametricSurface) -> float:
 
 
 def _whole_periods(gap: Floats, base: ParametricSurface) -> Longs:
-    """How many periods a gap has along each axis, if it has nearly a whole number of them; otherwise 0."""
+    """How many periods a gap has along each axis, if it has nearly a whole number of them;
+    otherwise 0.
+    """
     periods = np.zeros(2, np.int64)
     for axis, period in enumerate(base.periods):
         if period and abs(gap[axis] / period - round(gap[axis] / period)) < SEAM_TOLERANCE:
@@ -89,12 +103,16 @@ def _turns_around(flat: Floats, base: ParametricSurface) -> Longs:
 
 
 def _close_seams(chains: Sequence[Floats], base: ParametricSurface) -> list[Floats]:
-    """Polygons from chains that go round the surface: two make a band; one reaches to the end of the surface at its left."""
+    """Polygons from chains that go round the surface: two make a band; one reaches to the end
+    of the surface at its left.
+    """
     polygons, left = [], list(chains)
     while len(left) > 1:
         first = left.pop(0)
         turns = _turns_around(first, base)
-        second = next((chain for chain in left if (_turns_around(chain, base) == -turns).all()), None)
+        second = next(
+            (chain for chain in left if (_turns_around(chain, base) == -turns).all()), None
+        )
         if second is None:
             second = left[0]
             polygons.append(_band_polygon(first, second[::-1], base))
@@ -112,7 +130,9 @@ def _band_polygon(first: Floats, second: Floats, base: ParametricSurface) -> Flo
 
 
 def _cap_polygon(flat: Floats, base: ParametricSurface) -> Floats:
-    """The polygon between a chain and the end of the surface at its left: a pole, a tip or the end of its domain."""
+    """The polygon between a chain and the end of the surface at its left: a pole, a tip or the
+    end of its domain.
+    """
     axis = int(np.argmax(np.abs(_turns_around(flat, base))))
     across = 1 - axis
     leftwards = _turns_around(flat, base)[axis] * (1 if axis == 0 else -1) > 0
@@ -159,7 +179,8 @@ def _divide_steps(flat: Floats, counts: Longs) -> Floats:
 
 
 EDGE_AGREEMENT = 2e-3  # how far a curve may lie from its edge, as a share of the size of the face
-PLACES_ALONG_FACE = 400  # places along the longest extent of a face, by which distances to edges are told
+# places along the longest extent of a face, by which distances to edges are told
+PLACES_ALONG_FACE = 400
 Motion = tuple[Floats, Floats]
 IDENTITY_MOTION: Motion = (np.eye(3), np.zeros(3))
 
@@ -168,8 +189,8 @@ IDENTITY_MOTION: Motion = (np.eye(3), np.zeros(3))
 class PartFace:
     """The material between `outer` and `holes`: closed polygons in the parameters of the surface.
 
-    `gaps` says how far points (n, 3) are at least from the real edges, infinite without any. `turned` says that the normal of the
-    surface points into the material.
+    `gaps` says how far points (n, 3) are at least from the real edges, infinite without any.
+    `turned` says that the normal of the surface points into the material.
     """
 
     name: str
@@ -188,7 +209,9 @@ class PartFace:
         return on_material
 
     def lifted(self, parameters: Floats) -> Floats:
-        """The parameters moved by whole periods into the range of the outer loop, as far as that goes."""
+        """The parameters moved by whole periods into the range of the outer loop, as far as
+        that goes.
+        """
         low = np.concatenate(self.outer).min(axis=0) if self.outer else np.zeros(2)
         shifted = parameters.copy()
         for axis, period in enumerate(self.surface.periods):
@@ -197,7 +220,9 @@ class PartFace:
         return shifted
 
     def candidates(self, count: int) -> tuple[Floats, Floats]:
-        """Parameters (n, 2) of points on material, on `count` rows, and the area in parameters of each."""
+        """Parameters (n, 2) of points on material, on `count` rows, and the area in parameters
+        of each.
+        """
         parameters, areas = row_points([*self.outer, *self.holes], count)
         if not (self.holes and any(self.surface.periods)):
             return parameters, areas
@@ -205,7 +230,9 @@ class PartFace:
         return parameters[keep], areas[keep]
 
     def normals(self, parameters: Floats) -> tuple[Floats, Floats]:
-        """Unit normals (n, 3) away from the material, and the size of the surface for each unit of u times v."""
+        """Unit normals (n, 3) away from the material, and the size of the surface for each unit
+        of u times v.
+        """
         normals, size = self.surface.normals(parameters)
         return (-normals if self.turned else normals), size
 
@@ -216,7 +243,9 @@ class Product:
     def __init__(self, root: QifElement, reading: DocumentReading) -> None:
         self._reading = reading
         self._found = {
-            element.attributes["id"]: element for element in _all_elements(root) if "id" in element.attributes
+            element.attributes["id"]: element
+            for element in _all_elements(root)
+            if "id" in element.attributes
         }
         self._faces: dict[str, PartFace | None] = {}
         self._motions = dict(self._body_motions(root))
@@ -232,11 +261,16 @@ class Product:
         return self._at(self._found[name], "Surface").tag if name in self._found else ""
 
     def face(self, name: str) -> PartFace | None:
-        """The face of an id; None if it is not known, or its surface is not. Raises `InvalidInput`."""
+        """The face of an id; None if it is not known, or its surface is not.
+
+        Raises `InvalidInput`.
+        """
         if name not in self._faces:
             element = self._found.get(name)
             is_face = element is not None and element.tag == "Face"
-            self._faces[name] = self._face(name, element) if is_face and element is not None else None
+            self._faces[name] = (
+                self._face(name, element) if is_face and element is not None else None
+            )
         return self._faces[name]
 
     def edge(self, name: str) -> Floats | None:
@@ -245,7 +279,11 @@ class Product:
         points = self._curve13(element) if element is not None and element.tag == "Edge" else None
         if points is None:
             return None
-        bodies = (self._motions[entity] for entity in (name, *self.faces_at(name)) if entity in self._motions)
+        bodies = (
+            self._motions[entity]
+            for entity in (name, *self.faces_at(name))
+            if entity in self._motions
+        )
         turn, origin = next(bodies, IDENTITY_MOTION)
         return points @ turn.T + origin
 
@@ -273,7 +311,11 @@ class Product:
         if matrix is None:
             return IDENTITY_MOTION
         turn = matrix.at("Rotation")
-        axes = [self._reading.vector(turn, f"{name}Direction") for name in "XYZ"] if turn else list(np.eye(3))
+        axes = (
+            [self._reading.vector(turn, f"{name}Direction") for name in "XYZ"]
+            if turn
+            else list(np.eye(3))
+        )
         origin = self._reading.vector(matrix, "Origin") if matrix.at("Origin") else np.zeros(3)
         return np.stack(axes, axis=1), origin
 
@@ -281,7 +323,9 @@ class Product:
         bodies = root.at("Product", "TopologySet", "BodySet")
         for body in bodies.children if bodies is not None else ():
             if body.at("Transform", "Id") is not None:
-                members = [group for tag in ("FaceIds", "EdgeIds") if (group := body.at(tag)) is not None]
+                members = [
+                    group for tag in ("FaceIds", "EdgeIds") if (group := body.at(tag)) is not None
+                ]
                 for id_element in (item for group in members for item in group.all("Id")):
                     yield id_element.text.strip(), self._motion(body)
 
@@ -307,15 +351,25 @@ class Product:
         if base is None:
             return None
         base = _move_surface(base, self._motion(of))
-        loops = [self._found[loop_id] for loop_id in self._loop_ids(element) if loop_id in self._found]
-        whole = [face_loop for loop_element in loops if (face_loop := self._loop(loop_element, base)).edges]
+        loops = [
+            self._found[loop_id] for loop_id in self._loop_ids(element) if loop_id in self._found
+        ]
+        whole = [
+            face_loop
+            for loop_element in loops
+            if (face_loop := self._loop(loop_element, base)).edges
+        ]
         turned = is_true(element, "turned") != (name in self._reversed)
         placed = _move_surface(base, self._motions.get(name, IDENTITY_MOTION))
-        return _bounded_face(name, base, placed, whole, is_true(element, "hasOuter", otherwise=True), turned)
+        return _bounded_face(
+            name, base, placed, whole, is_true(element, "hasOuter", otherwise=True), turned
+        )
 
     def _loop_ids(self, face: QifElement) -> list[str]:
         group = face.at("LoopIds")
-        return [id_element.text.strip() for id_element in group.all("Id")] if group is not None else []
+        return (
+            [id_element.text.strip() for id_element in group.all("Id")] if group is not None else []
+        )
 
     def _loop(self, loop: QifElement, base: ParametricSurface) -> Loop:
         """The edges of a loop in the parameters of the surface."""
@@ -331,7 +385,9 @@ class Product:
                 edges.append((name, flat))
         return Loop(loop.attributes.get("form", "UNKNOWN"), tuple(edges))
 
-    def _flat(self, coedge: QifElement, space: Floats | None, base: ParametricSurface) -> Floats | None:
+    def _flat(
+        self, coedge: QifElement, space: Floats | None, base: ParametricSurface
+    ) -> Floats | None:
         """Points of a coedge in the parameters of the surface."""
         core = core_of(self._at(coedge, "Curve12"))
         flat = curve_chain(core, 2, self._reading) if core is not None else None
@@ -371,7 +427,10 @@ def _ends_agree(ends: Floats, space: Floats) -> bool:
 
 
 def _unwrap_parameters(base: ParametricSurface, space: Floats) -> Floats:
-    """Parameters along points in space, without jumps by a period. At a pole the angle is that of the nearest neighbour."""
+    """Parameters along points in space, without jumps by a period.
+
+    At a pole the angle is that of the nearest neighbour.
+    """
     flat = base.parameters(space)
     for axis, period in enumerate(base.periods):
         if period:
@@ -403,17 +462,24 @@ def _bounded_face(
     has_outer: bool,
     turned: bool,
 ) -> PartFace:
-    """The face between loops on a surface that its body has `placed`. An edge that it uses twice is a seam, not a border."""
+    """The face between loops on a surface that its body has `placed`.
+
+    An edge that it uses twice is a seam, not a border.
+    """
     outer, holes = material_polygons(loops, base, has_outer)
     used = Counter(edge for loop in loops for edge, _ in loop.edges)
     border = [flat for loop in loops for edge, flat in loop.edges if not edge or used[edge] == 1]
     size = float(np.ptp(placed.at(np.concatenate(outer)), axis=0).max())
     edges = [densify_chain(placed, border_edge, size / PLACES_ALONG_FACE) for border_edge in border]
-    return PartFace(name, placed, outer, holes, _gaps_to_edges(edges, size / PLACES_ALONG_FACE), size, turned)
+    return PartFace(
+        name, placed, outer, holes, _gaps_to_edges(edges, size / PLACES_ALONG_FACE), size, turned
+    )
 
 
 def _gaps_to_edges(edges: Sequence[Floats], apart: float) -> Callable[[Floats], Floats]:
-    """The least that the distance (n,) to edges can be, known from points along them that are at most `apart`."""
+    """The least that the distance (n,) to edges can be, known from points along them that are
+    at most `apart`.
+    """
     from scipy.spatial import cKDTree
 
     if not edges:

@@ -1,8 +1,8 @@
 """How many points a feature needs, and where they lie on the material of its faces or edges.
 
-The rules come from the QIF example `featureRules2` (after Lockheed Martin 100-46, "Inspection and Acceptance
-Criteria", 2010), whose unit is the inch. If several rules apply, the largest count is taken. The rules for a diameter give
-the number of points on each cross-section, as their text says.
+The rules come from the QIF example `featureRules2` (after Lockheed Martin 100-46, "Inspection and
+Acceptance Criteria", 2010), whose unit is the inch. If several rules apply, the largest count is
+taken. The rules for a diameter give the number of points on each cross-section, as their text says.
 """
 
 import math
@@ -48,15 +48,19 @@ def section_points(feature: DrawnFeature) -> int:
 
 
 Placed = list[tuple[Floats, Floats]]  # positions and normals
-MARGIN_SHARE = 0.16  # of the way from the edges to the middle: how far points stay away if nobody says it
+# of the way from the edges to the middle: how far points stay away if nobody says it
+MARGIN_SHARE = 0.16
 NARROW_SHARE = 0.9  # the same share where material is too narrow for the distance that is asked for
 ROW_COUNTS = (40, 160)
-SURFACE_TOLERANCE = 1e-3  # how far a place may lie beside a surface, as a share of the size of its face
+# how far a place may lie beside a surface, as a share of the size of its face
+SURFACE_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MaterialPlaces:
-    """Places (n, 3) on material, their normals away from it, how far they are from an edge, and the area of each."""
+    """Places (n, 3) on material, their normals away from it, how far they are from an edge, and
+    the area of each.
+    """
 
     places: Floats
     normals: Floats
@@ -65,7 +69,9 @@ class MaterialPlaces:
 
     def only(self, keep: Truths) -> "MaterialPlaces":
         """The places for which `keep` holds."""
-        return MaterialPlaces(self.places[keep], self.normals[keep], self.gaps[keep], self.areas[keep])
+        return MaterialPlaces(
+            self.places[keep], self.normals[keep], self.gaps[keep], self.areas[keep]
+        )
 
 
 def material_places(faces: Sequence[PartFace], rows: int = ROW_COUNTS[0]) -> MaterialPlaces:
@@ -83,7 +89,9 @@ def _of_face(face: PartFace, rows: int) -> tuple[Floats, Floats, Floats, Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointChoice:
-    """Points on material, and how far from an edge they are at least; `narrow` if that is less than asked for."""
+    """Points on material, and how far from an edge they are at least; `narrow` if that is less
+    than asked for.
+    """
 
     points: Placed
     gap: float
@@ -91,11 +99,17 @@ class PointChoice:
 
 
 def choose_points(
-    faces: Sequence[PartFace], places: MaterialPlaces, wanted: Placed, count: int, margin: float | None = None
+    faces: Sequence[PartFace],
+    places: MaterialPlaces,
+    wanted: Placed,
+    count: int,
+    margin: float | None = None,
 ) -> PointChoice | None:
-    """`count` points on faces: those of `wanted` that lie on material, and others from `places`; None without any material.
+    """`count` points on faces: those of `wanted` that lie on material, and others from `places`;
+    None without any material.
 
-    `margin` is the least distance from an edge; if it is not given, it follows from the size of the material.
+    `margin` is the least distance from an edge; if it is not given, it follows from the size of the
+    material.
     """
     if not len(places.places):
         return None
@@ -114,7 +128,9 @@ def choose_points(
 
 
 def _on_one(faces: Sequence[PartFace], place: Floats, least: float) -> tuple[Floats, Floats] | None:
-    """A place on the material of one of the faces, at least so far from its edges, with the normal; None if it is on none."""
+    """A place on the material of one of the faces, at least so far from its edges, with the
+    normal; None if it is on none.
+    """
     for face in faces:
         parameters = face.lifted(face.surface.parameters(place[None]))
         there = face.surface.at(parameters)
@@ -129,7 +145,9 @@ def _on_one(faces: Sequence[PartFace], place: Floats, least: float) -> tuple[Flo
 
 
 def on_material(faces: Sequence[PartFace], places: Floats) -> Truths:
-    """Whether each of the places (n, 3) lies on the material of one of the faces, or straight before or behind it."""
+    """Whether each of the places (n, 3) lies on the material of one of the faces, or straight
+    before or behind it.
+    """
     on_any = np.zeros(len(places), bool)
     for face in faces:
         on_any |= face.within(face.lifted(face.surface.parameters(places)))
@@ -163,16 +181,21 @@ class PointPlacement:
 
 @dataclass(frozen=True, slots=True)
 class PartGeometry:
-    """The faces and edges of a part. One unit of its lengths is `metres`; points stay `edge_m` away from edges."""
+    """The faces and edges of a part.
+
+    One unit of its lengths is `metres`; points stay `edge_m` away from edges.
+    """
 
     product: Product
     metres: float
     edge_m: float | None = None
 
     def placed(self, feature: DrawnFeature, wanted: Placed) -> PointPlacement | str | None:
-        """The points of a feature: those of `wanted` that are on its material, and others for the rest.
+        """The points of a feature: those of `wanted` that are on its material, and others for the
+        rest.
 
-        A text says why it can have none. None if the document does not say what faces or edges it consists of.
+        A text says why it can have none. None if the document does not say what faces or edges it
+        consists of.
         """
         if feature.kind in ("Point", "EdgePoint"):
             return None
@@ -193,7 +216,11 @@ class PartGeometry:
         return [face for name in like or own if (face := self.product.face(name)) is not None]
 
     def _over(
-        self, feature: DrawnFeature, faces: Sequence[PartFace], places: MaterialPlaces, wanted: Placed
+        self,
+        feature: DrawnFeature,
+        faces: Sequence[PartFace],
+        places: MaterialPlaces,
+        wanted: Placed,
     ) -> PointPlacement | str:
         """Points on faces, from some of the places on them."""
         count = len(wanted)
@@ -208,7 +235,8 @@ class PartGeometry:
             return "its faces have no material between their loops"
         return PointPlacement(
             [(position * self.metres, normal) for position, normal in choice.points],
-            f"has no place {_mm_text(self.edge_m)} away from its edges: its points are {_mm_text(choice.gap * self.metres)} away"
+            f"has no place {_mm_text(self.edge_m)} away from its edges: its points are "
+            f"{_mm_text(choice.gap * self.metres)} away"
             if choice.narrow
             else "",
         )
@@ -229,11 +257,19 @@ class PartGeometry:
         return self._over(feature, ahead, both, wanted)
 
     def _along(self, feature: DrawnFeature, wanted: Placed) -> PointPlacement | None:
-        """Points along edges, evenly spaced, half a step from the ends, with the mean normal of the faces there."""
-        edges = [(name, chain) for name in feature.entities if (chain := self.product.edge(name)) is not None]
+        """Points along edges, evenly spaced, half a step from the ends, with the mean normal of
+        the faces there.
+        """
+        edges = [
+            (name, chain)
+            for name in feature.entities
+            if (chain := self.product.edge(name)) is not None
+        ]
         if not edges:
             return None
-        lengths = [float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()) for _, chain in edges]
+        lengths = [
+            float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()) for _, chain in edges
+        ]
         total = sum(lengths)
         count = curve_points(total * self.metres, feature)
         edge_points: Placed = []
@@ -254,9 +290,13 @@ class PartGeometry:
     def _normal(self, edge: str, place: Floats) -> Floats | None:
         """The mean of the normals of the faces that meet in an edge; None without faces."""
         faces = [
-            face for name in self.product.faces_at(edge) if (face := self.product.face(name)) is not None
+            face
+            for name in self.product.faces_at(edge)
+            if (face := self.product.face(name)) is not None
         ]
-        normals = [face.normals(face.lifted(face.surface.parameters(place[None])))[0][0] for face in faces]
+        normals = [
+            face.normals(face.lifted(face.surface.parameters(place[None])))[0][0] for face in faces
+        ]
         if not normals:
             return None
         mean: Floats = np.sum(normals, axis=0)

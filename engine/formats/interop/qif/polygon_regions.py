@@ -29,7 +29,10 @@ def points_inside(polygons: Sequence[Floats], points: Floats) -> Truths:
 
 
 def _crosses_odd(a: Floats, b: Floats, points: Floats) -> Truths:
-    """Where a ray to the right from each point crosses an odd number of sides. Few sides are as high as a point."""
+    """Where a ray to the right from each point crosses an odd number of sides.
+
+    Few sides are as high as a point.
+    """
     y = points[:, 1:]
     point_number, side = np.nonzero((a[:, 1] > y) != (b[:, 1] > y))
     p, q, (x, y) = a[side], b[side], points[point_number].T
@@ -39,7 +42,8 @@ def _crosses_odd(a: Floats, b: Floats, points: Floats) -> Truths:
 
 
 def row_points(polygons: Sequence[Floats], count: int) -> tuple[Floats, Floats]:
-    """Points (n, 2) inside polygons, on `count` rows of equal height, and the area (n,) that each stands for.
+    """Points (n, 2) inside polygons, on `count` rows of equal height, and the area (n,) that each
+    stands for.
 
     On each stretch of a row there is at least one point, so that narrow regions get points, too.
     """
@@ -68,14 +72,18 @@ def row_points(polygons: Sequence[Floats], count: int) -> tuple[Floats, Floats]:
 
 
 def spread_points(candidates: Floats, count: int, taken: Floats | None = None) -> list[int]:
-    """`count` of the candidates (n, k), each as far as possible from those before and those taken (Gonzalez 1985)."""
+    """`count` of the candidates (n, k), each as far as possible from those before and those
+    taken (Gonzalez 1985).
+    """
     if not len(candidates) or count <= 0:
         return []
     if taken is not None and len(taken):
         near = np.min([((candidates - place) ** 2).sum(axis=1) for place in taken], axis=0)
         chosen: list[int] = []
     else:
-        middle = candidates[int(np.argmin(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1)))]
+        middle = candidates[
+            int(np.argmin(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1)))
+        ]
         chosen = [int(np.argmax(((candidates - middle) ** 2).sum(axis=1)))]
         near = ((candidates - candidates[chosen[0]]) ** 2).sum(axis=1)
     while len(chosen) < min(count, len(candidates)):

@@ -110,7 +110,9 @@ class _Reader:
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         self._count += 1
         if self._count > MAX_QIF_ELEMENTS or len(self._stack) + self._skipping > MAX_QIF_DEPTH:
-            raise InvalidInput([Diagnostic(self._here(), "K007", "nested too deeply or too many elements")])
+            raise InvalidInput(
+                [Diagnostic(self._here(), "K007", "nested too deeply or too many elements")]
+            )
         tag = name.rpartition(" ")[2]
         if self._skipping or tag in PASSED_OVER:
             self._skipping += 1
@@ -149,7 +151,9 @@ MAX_QIF_NUMBER = 1e12
 
 
 class DocumentReading:
-    """What is needed to read any part of a document: its file, its units, and its elements by their ids."""
+    """What is needed to read any part of a document: its file, its units, and its elements by
+    their ids.
+    """
 
     def __init__(self, root: QifElement, file: File, unit_m: float = 1e-3) -> None:
         """`unit_m` is the unit of length if the document names none."""
@@ -174,14 +178,20 @@ class DocumentReading:
             return value
         name = unit.text_at("UnitName")
         if name.lower() not in known:
-            raise qif_error(self.where(unit), f"unknown unit '{name}'", f"one of {', '.join(known)}")
+            raise qif_error(
+                self.where(unit), f"unknown unit '{name}'", f"one of {', '.join(known)}"
+            )
         return known[name.lower()]
 
     def _named(self, units: QifElement | None) -> dict[str, float]:
         """All units of length that the document defines, in metres, by name."""
         if units is None:
             return {}
-        groups = [group for group in (units.at("PrimaryUnits"), units.at("OtherUnits")) if group is not None]
+        groups = [
+            group
+            for group in (units.at("PrimaryUnits"), units.at("OtherUnits"))
+            if group is not None
+        ]
         units_named = [unit for group in groups for unit in group.all("LinearUnit")]
         return {
             unit.text_at("UnitName"): self._unit(unit, QIF_UNITS_M)
@@ -197,7 +207,9 @@ class DocumentReading:
         return values[0]
 
     def length(self, element: QifElement | None) -> float:
-        """The only length in an element, in metres; its `linearUnit` counts more than the unit of the file."""
+        """The only length in an element, in metres; its `linearUnit` counts more than the unit
+        of the file.
+        """
         unit = element.attributes.get("linearUnit", "") if element is not None else ""
         metres = self._units.get(unit) or QIF_UNITS_M.get(unit.lower()) or self.metres
         return self.number(element) * metres
@@ -214,13 +226,18 @@ class DocumentReading:
             raise qif_error(self.where(element), f"a number here {error}") from None
 
     def vectors(self, parent: QifElement, tag: str, width: int) -> Floats:
-        """The points (n, width) in a child of this tag, as text or in binary (`...Binary`). Raises `InvalidInput`."""
+        """The points (n, width) in a child of this tag, as text or in binary (`...Binary`).
+
+        Raises `InvalidInput`.
+        """
         if (binary := parent.at(f"{tag}Binary")) is not None:
             values = self._decoded(binary, width)
         else:
             values = np.array(self.numbers(parent.at(tag)), float)
         if len(values) == 0 or len(values) % width:
-            raise qif_error(self.where(parent.at(tag) or parent), f"{tag} needs groups of {width} numbers")
+            raise qif_error(
+                self.where(parent.at(tag) or parent), f"{tag} needs groups of {width} numbers"
+            )
         return values.reshape(-1, width)
 
     def _decoded(self, element: QifElement, width: int) -> Floats:
@@ -229,7 +246,9 @@ class DocumentReading:
         try:
             values = np.frombuffer(base64.b64decode(element.text), kind).astype(float)
         except (binascii.Error, ValueError):
-            raise qif_error(self.where(element), "this is not an array of numbers in base64") from None
+            raise qif_error(
+                self.where(element), "this is not an array of numbers in base64"
+            ) from None
         if not np.isfinite(values).all():
             raise qif_error(self.where(element), "a number is not finite")
         return values

@@ -12,7 +12,12 @@ from cellwright.engine.formats.interop.qif.curves import (
     require_knots,
     weights_of,
 )
-from cellwright.engine.formats.interop.qif.qif_document import DocumentReading, QifElement, is_true, qif_error
+from cellwright.engine.formats.interop.qif.qif_document import (
+    DocumentReading,
+    QifElement,
+    is_true,
+    qif_error,
+)
 from cellwright.engine.kernels.arrays import Floats
 
 Span = tuple[float, float]
@@ -24,7 +29,8 @@ NEWTON_ROUNDS = 12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParametricSurface:
-    """`at` takes parameters (n, 2) to points (n, 3). `inverse` takes points near the surface to their parameters.
+    """`at` takes parameters (n, 2) to points (n, 3). `inverse` takes points near the surface to
+    their parameters.
 
     `domain` bounds u and v. A parameter with a period comes round to the same point.
     """
@@ -37,7 +43,9 @@ class ParametricSurface:
 
     def parameters(self, points: Floats) -> Floats:
         """The parameters (n, 2) of points (n, 3) on the surface or near it."""
-        return self.inverse(points) if self.inverse is not None else _nearest_parameters(self, points)
+        return (
+            self.inverse(points) if self.inverse is not None else _nearest_parameters(self, points)
+        )
 
     def derivatives(self, parameters: Floats) -> tuple[Floats, Floats]:
         """The derivatives (n, 3) by u and by v."""
@@ -45,7 +53,9 @@ class ParametricSurface:
         for axis, (first, last) in enumerate(self.domain):
             step = np.zeros(2)
             step[axis] = DERIVATIVE_STEP * (last - first)
-            slopes.append((self.at(parameters + step) - self.at(parameters - step)) / (2 * step[axis]))
+            slopes.append(
+                (self.at(parameters + step) - self.at(parameters - step)) / (2 * step[axis])
+            )
         return slopes[0], slopes[1]
 
     def normals(self, parameters: Floats) -> tuple[Floats, Floats]:
@@ -66,11 +76,15 @@ def move_surface(surface: ParametricSurface, turn: Floats, origin: Floats) -> Pa
 
 
 def _nearest_parameters(surface: ParametricSurface, points: Floats) -> Floats:
-    """Parameters of the points of a surface that are nearest to points: the best of a grid, then Gauss-Newton steps."""
+    """Parameters of the points of a surface that are nearest to points: the best of a grid,
+    then Gauss-Newton steps.
+    """
     axes = [np.linspace(first, last, INVERSE_GRID) for first, last in surface.domain]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     places = surface.at(grid)
-    parameters = np.stack([grid[int(np.argmin(((places - point) ** 2).sum(axis=1)))] for point in points])
+    parameters = np.stack(
+        [grid[int(np.argmin(((places - point) ** 2).sum(axis=1)))] for point in points]
+    )
     low, high = np.array(surface.domain).T
     for _ in range(NEWTON_ROUNDS):
         rest = points - surface.at(parameters)
@@ -80,7 +94,9 @@ def _nearest_parameters(surface: ParametricSurface, points: Floats) -> Floats:
         size = a * c - b * b
         size = np.where(size > 1e-30, size, np.inf)
         parameters = np.clip(
-            parameters + np.stack([(c * p - b * q) / size, (a * q - b * p) / size], axis=1), low, high
+            parameters + np.stack([(c * p - b * q) / size, (a * q - b * p) / size], axis=1),
+            low,
+            high,
         )
     return parameters
 
@@ -96,7 +112,9 @@ FULL_TURN = 2 * np.pi
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RevolutionFrame:
-    """What surfaces of revolution share: a frame (rows x, y, axis) and how parameters are scaled to angles and heights."""
+    """What surfaces of revolution share: a frame (rows x, y, axis) and how parameters are
+    scaled to angles and heights.
+    """
 
     origin: Floats
     frame: Floats
@@ -155,7 +173,9 @@ def _revolution_frame(
     )
 
 
-def _attribute_number(core: QifElement, reading: DocumentReading, name: str, otherwise: float) -> float:
+def _attribute_number(
+    core: QifElement, reading: DocumentReading, name: str, otherwise: float
+) -> float:
     text = core.attributes.get(name)
     return otherwise if text is None else reading.number(QifElement(name, {}, core.line, text))
 
@@ -163,7 +183,9 @@ def _attribute_number(core: QifElement, reading: DocumentReading, name: str, oth
 def _sweep_span(core: QifElement, reading: DocumentReading) -> Span:
     angles = reading.numbers(core.at("Sweep", "DomainAngle"))
     return (
-        (angles[0] * reading.radians, angles[1] * reading.radians) if len(angles) == 2 else (0.0, FULL_TURN)
+        (angles[0] * reading.radians, angles[1] * reading.radians)
+        if len(angles) == 2
+        else (0.0, FULL_TURN)
     )
 
 
@@ -188,7 +210,9 @@ def cone_surface(core: QifElement, reading: DocumentReading) -> ParametricSurfac
 def _cone_like(
     core: QifElement, reading: DocumentReading, kind: str, radius: float, slope: float
 ) -> ParametricSurface:
-    """A cylinder or a cone: u is the angle from the start of the sweep, v the height along the axis."""
+    """A cylinder or a cone: u is the angle from the start of the sweep, v the height along the
+    axis.
+    """
     base, length = (
         _revolution_frame(core, reading, *AXIS_PATHS, ("Sweep", "DirBeg")),
         reading.number(core.at("Length")),
@@ -210,9 +234,15 @@ def _cone_like(
 def _latitude_spans(core: QifElement, reading: DocumentReading) -> tuple[Span, Span]:
     sweep = core.at("LatitudeLongitudeSweep")
     spans = [
-        [number * reading.radians for number in reading.numbers(sweep.at(f"Domain{name}") if sweep else None)]
+        [
+            number * reading.radians
+            for number in reading.numbers(sweep.at(f"Domain{name}") if sweep else None)
+        ]
         or list(otherwise)
-        for name, otherwise in (("Longitude", (0.0, FULL_TURN)), ("Latitude", (-np.pi / 2, np.pi / 2)))
+        for name, otherwise in (
+            ("Longitude", (0.0, FULL_TURN)),
+            ("Latitude", (-np.pi / 2, np.pi / 2)),
+        )
     ]
     return (spans[0][0], spans[0][-1]), (spans[1][0], spans[1][-1])
 
@@ -241,7 +271,9 @@ def sphere_surface(core: QifElement, reading: DocumentReading) -> ParametricSurf
 def torus_surface(core: QifElement, reading: DocumentReading) -> ParametricSurface:
     """A torus: u is the longitude, v the latitude."""
     major, minor = (reading.number(core.at(f"Diameter{name}")) / 2 for name in ("Major", "Minor"))
-    base = _revolution_frame(core, reading, *AXIS_PATHS, ("LatitudeLongitudeSweep", "DirMeridianPrime"))
+    base = _revolution_frame(
+        core, reading, *AXIS_PATHS, ("LatitudeLongitudeSweep", "DirMeridianPrime")
+    )
 
     def at(p: Floats) -> Floats:
         angle, latitude = base.scaled(p).T
@@ -258,10 +290,14 @@ def torus_surface(core: QifElement, reading: DocumentReading) -> ParametricSurfa
 
 
 def surface_of(element: QifElement, reading: DocumentReading) -> ParametricSurface | None:
-    """The surface of an element such as `Plane23`; None if nothing is known about its kind. Raises `InvalidInput`."""
+    """The surface of an element such as `Plane23`; None if nothing is known about its kind.
+    Raises `InvalidInput`.
+    """
     core = core_of(element)
     kind = core.tag.removesuffix("23Core") if core is not None else ""
-    return SURFACE_KINDS[kind](core, reading) if core is not None and kind in SURFACE_KINDS else None
+    return (
+        SURFACE_KINDS[kind](core, reading) if core is not None and kind in SURFACE_KINDS else None
+    )
 
 
 def _plane_surface(core: QifElement, reading: DocumentReading) -> ParametricSurface:
@@ -287,7 +323,9 @@ def _nurbs_surface(core: QifElement, reading: DocumentReading) -> ParametricSurf
         require_knots(core, knot_row, order, count, reading)
     points = reading.vectors(core, "CPs", 3)
     if len(points) != counts[0] * counts[1]:
-        raise qif_error(reading.where(core), f"{counts[0]} times {counts[1]} control points are needed")
+        raise qif_error(
+            reading.where(core), f"{counts[0]} times {counts[1]} control points are needed"
+        )
     weights = weights_of(core, len(points), reading)
     net = np.concatenate([points * weights[:, None], weights[:, None]], axis=1)
     net = net.reshape(counts[1], counts[0], 4)
@@ -353,7 +391,10 @@ def _revolution_surface(core: QifElement, reading: DocumentReading) -> Parametri
     if (parent := core.at("Generatrix")) is None:
         return None
     rail = _rail_of(parent, reading)
-    origin, z = reading.vector(core, *AXIS_PATHS[0]), unit_vector(reading.vector(core, *AXIS_PATHS[1]))
+    origin, z = (
+        reading.vector(core, *AXIS_PATHS[0]),
+        unit_vector(reading.vector(core, *AXIS_PATHS[1])),
+    )
     first, last = reading.span(core, "angle")
 
     def at(p: Floats) -> Floats:
@@ -371,7 +412,9 @@ def _offset_surface(core: QifElement, reading: DocumentReading) -> ParametricSur
     base = surface_of(parent, reading) if parent is not None else None
     if base is None:
         return None
-    return replace(base, kind="offset surface", at=lambda p: base.at(p) + distance * base.normals(p)[0])
+    return replace(
+        base, kind="offset surface", at=lambda p: base.at(p) + distance * base.normals(p)[0]
+    )
 
 
 SURFACE_KINDS: dict[str, Callable[[QifElement, DocumentReading], ParametricSurface | None]] = {

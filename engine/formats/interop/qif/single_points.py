@@ -1,7 +1,7 @@
 """Single points to measure in QIF: what a document asks of each, and documents of points written.
 
-A wish for a tool is a measurement device of the characteristic. The width of a hole has no place in QIF: it is an attribute.
-Lengths are in millimetres.
+A wish for a tool is a measurement device of the characteristic. The width of a hole has no place in
+QIF: it is an attribute. Lengths are in millimetres.
 """
 
 import uuid
@@ -49,7 +49,9 @@ class _Document:
         self.definition = self._id()
         self.features = {planned.name: self._id() for planned in points}
         self.items = {planned.name: self._id() for planned in points}
-        self.tools = {tool: self._id() for tool in sorted({point.tool for point in points if point.tool})}
+        self.tools = {
+            tool: self._id() for tool in sorted({point.tool for point in points if point.tool})
+        }
         self.asked = [planned for planned in points if _asks_more(planned)]
 
     def _id(self) -> int:
@@ -58,7 +60,9 @@ class _Document:
 
     def text(self) -> str:
         """The whole document. Its own id follows from what it says."""
-        SubElement(self.root, "QPId").text = str(uuid.uuid5(PLAN_NAMESPACE, repr(tuple(self.points))))
+        SubElement(self.root, "QPId").text = str(
+            uuid.uuid5(PLAN_NAMESPACE, repr(tuple(self.points)))
+        )
         number = add_standard(self.root, self._id()) if self.asked else 0
         linear_unit(add_path(self.root, "FileUnits", "PrimaryUnits"), "mm")
         if self.points:
@@ -70,7 +74,9 @@ class _Document:
         return document_text(self.root, self.last)
 
     def _datums(self) -> None:
-        """The points of each step of the alignment make one datum; the datums follow their labels."""
+        """The points of each step of the alignment make one datum; the datums follow their
+        labels.
+        """
         steps = sorted({datum_point.step for datum_point in self.points if datum_point.step})
         if not steps:
             return
@@ -81,7 +87,11 @@ class _Document:
             _add_ids(
                 datum,
                 "FeatureNominalIds",
-                [self.features[datum_point.name] for datum_point in self.points if datum_point.step == step],
+                [
+                    self.features[datum_point.name]
+                    for datum_point in self.points
+                    if datum_point.step == step
+                ],
             )
 
     def _devices(self) -> None:
@@ -124,7 +134,9 @@ class _Document:
         for point in self.asked:
             defined = _define_characteristic(definitions, point, self._id())
             nominated = self._nominate(nominals, point, defined)
-            item = SubElement(items, f"{_characteristic_kind(point)}CharacteristicItem", id=str(self._id()))
+            item = SubElement(
+                items, f"{_characteristic_kind(point)}CharacteristicItem", id=str(self._id())
+            )
             SubElement(item, "Name").text = f"{point.kind} of {point.name}"
             _add_ids(item, "FeatureItemIds", [self.items[point.name]])
             if point.tool:
@@ -133,7 +145,9 @@ class _Document:
 
     def _nominate(self, listed: Element, point: MeasurementPoint, definition: int) -> int:
         number = self._id()
-        nominal = SubElement(listed, f"{_characteristic_kind(point)}CharacteristicNominal", id=str(number))
+        nominal = SubElement(
+            listed, f"{_characteristic_kind(point)}CharacteristicNominal", id=str(number)
+        )
         SubElement(nominal, "CharacteristicDefinitionId").text = str(definition)
         _add_ids(nominal, "FeatureNominalIds", [self.features[point.name]])
         if point.nominal_m is not None:
@@ -143,13 +157,17 @@ class _Document:
 
 def _asks_more(point: MeasurementPoint) -> bool:
     """Whether more is asked of a point than its profile."""
-    return point.kind != "profile" or bool(point.tolerance_m is not None or point.tool or point.nominal_m)
+    return point.kind != "profile" or bool(
+        point.tolerance_m is not None or point.tool or point.nominal_m
+    )
 
 
 def _characteristic_kind(point: MeasurementPoint) -> str:
     """The kind of a point's characteristic; in QIF a profile has a tolerance."""
     untold = point.kind == "profile" and point.tolerance_m is None
-    return OWN_CHARACTERISTIC if untold else CHARACTERISTIC_OF_KIND.get(point.kind, OWN_CHARACTERISTIC)
+    return (
+        OWN_CHARACTERISTIC if untold else CHARACTERISTIC_OF_KIND.get(point.kind, OWN_CHARACTERISTIC)
+    )
 
 
 def _define_characteristic(listed: Element, point: MeasurementPoint, number: int) -> int:
@@ -194,7 +212,9 @@ CHARACTERISTIC_KINDS = {name: kind for kind, name in CHARACTERISTIC_OF_KIND.item
 
 @dataclass(frozen=True, slots=True)
 class AskedPoint:
-    """What is asked of a point; None and empty: the document does not say. `kind` is as in `MeasurementPoint`."""
+    """What is asked of a point; None and empty: the document does not say. `kind` is as in
+    `MeasurementPoint`.
+    """
 
     name: str = ""
     kind: str = ""
@@ -206,7 +226,8 @@ class AskedPoint:
 def points_asked(root: QifElement, reading: DocumentReading) -> dict[str, AskedPoint]:
     """What is asked of each point feature, by the feature's id. Raises `InvalidInput`.
 
-    A name is taken over if it can name an object and no other point has it, the name of a device if it can name one.
+    A name is taken over if it can name an object and no other point has it, the name of a device if
+    it can name one.
     """
     nominals = [
         feature_element
@@ -222,7 +243,10 @@ def points_asked(root: QifElement, reading: DocumentReading) -> dict[str, AskedP
     }
     tools = _devices_by_nominal(root)
     demands = {
-        feature: (characteristic, definitions.get(characteristic.text_at("CharacteristicDefinitionId")))
+        feature: (
+            characteristic,
+            definitions.get(characteristic.text_at("CharacteristicDefinitionId")),
+        )
         for characteristic in _elements_at(root, "Characteristics", "CharacteristicNominals")
         for feature in _ids_in_group(characteristic.at("FeatureNominalIds"))
     }

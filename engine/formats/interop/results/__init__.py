@@ -21,10 +21,15 @@ class ResultForm(StrEnum):
 
 
 def write_results(results: Results, form: ResultForm) -> str:
-    """The results in a form. CSV and QIF have what was measured, JSON the history of each object, too."""
-    return {ResultForm.CSV: written_csv, ResultForm.JSON: written_json, ResultForm.QIF: written_qif}[form](
-        results
-    )
+    """The results in a form.
+
+    CSV and QIF have what was measured, JSON the history of each object, too.
+    """
+    return {
+        ResultForm.CSV: written_csv,
+        ResultForm.JSON: written_json,
+        ResultForm.QIF: written_qif,
+    }[form](results)
 
 
 def read_results_text(text: str, form: ResultForm) -> Results:

@@ -53,7 +53,9 @@ def _measured_of_row(row: Mapping[str, str]) -> Measured:
     nominal, lower, upper, uncertainty, risk = said
     of, quantity, unit, tool, action = (row[name] for name in TEXT_COLUMNS)
     value, at_ms = read_finite(row["value"]), read_whole(row["at_ms"])
-    return Measured(of, quantity, value, unit, nominal, lower, upper, tool, action, at_ms, uncertainty, risk)
+    return Measured(
+        of, quantity, value, unit, nominal, lower, upper, tool, action, at_ms, uncertainty, risk
+    )
 
 
 def _number_text(value: float | None) -> str:
@@ -72,12 +74,17 @@ DERIVED_KEYS = ("passed", "conformity")
 
 
 def results_entry(results: Results) -> dict[str, Any]:
-    """The results as plain values. `passed` and `conformity` follow from the value, its limits and its uncertainty."""
+    """The results as plain values.
+
+    `passed` and `conformity` follow from the value, its limits and its uncertainty.
+    """
     return {
         "version": RESULTS_VERSION,
         "run": results.run,
         "started": results.started,
-        "measured": [{name: getattr(value, name) for name in MEASURED_KEYS} for value in results.measured],
+        "measured": [
+            {name: getattr(value, name) for name in MEASURED_KEYS} for value in results.measured
+        ],
         "history": [
             {
                 "object": treated.object,

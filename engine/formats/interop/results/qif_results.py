@@ -38,7 +38,12 @@ class MeasurementDemand(NamedTuple):
 def demand_of(measured: Measured) -> MeasurementDemand:
     """The demand that a value answers."""
     return MeasurementDemand(
-        measured.of, measured.quantity, measured.unit, measured.nominal, measured.lower, measured.upper
+        measured.of,
+        measured.quantity,
+        measured.unit,
+        measured.nominal,
+        measured.lower,
+        measured.upper,
     )
 
 
@@ -55,7 +60,8 @@ STATUS_WORDS = {True: "PASS", False: "FAIL", None: "NOT_ANALYZED"}
 MEASUREMENT_KINDS = {
     Conformity.CONFORMING: "PASS", Conformity.NOT_CONFORMING: "FAIL", Conformity.UNDECIDED: "INDETERMINATE",
 }  # fmt: skip
-RUN_NAMESPACE = uuid.UUID("6f7d9a50-6a3c-5c1e-9d3e-2f0d5a1b7c44")  # names of runs are made unique below it
+# names of runs are made unique below it
+RUN_NAMESPACE = uuid.UUID("6f7d9a50-6a3c-5c1e-9d3e-2f0d5a1b7c44")
 
 
 def written_qif(results: Results) -> str:
@@ -68,8 +74,12 @@ class _Document:
         self.results = results
         self.last = 0
         self.root = new_document()
-        self.demands = {demand: self._ids() for demand in dict.fromkeys(map(demand_of, results.measured))}
-        self.tools = {tool: self._id() for tool in sorted({m.tool for m in results.measured if m.tool})}
+        self.demands = {
+            demand: self._ids() for demand in dict.fromkeys(map(demand_of, results.measured))
+        }
+        self.tools = {
+            tool: self._id() for tool in sorted({m.tool for m in results.measured if m.tool})
+        }
 
     def _id(self) -> int:
         self.last += 1
@@ -103,7 +113,9 @@ class _Document:
             for length in lengths[1:]:
                 linear_unit(others, length)
         own = {
-            demand.unit: demand.quantity for demand in self.demands if qif_kind(demand) == "UserDefinedUnit"
+            demand.unit: demand.quantity
+            for demand in self.demands
+            if qif_kind(demand) == "UserDefinedUnit"
         }
         if own:
             listed = SubElement(file, "UserDefinedUnits", n=str(len(own)))
@@ -136,15 +148,24 @@ class _Document:
         measured = self.results.measured
         results = SubElement(self.root, "Results")
         results_element = SubElement(
-            SubElement(results, "MeasurementResultsSet", n="1"), "MeasurementResults", id=str(self._id())
+            SubElement(results, "MeasurementResultsSet", n="1"),
+            "MeasurementResults",
+            id=str(self._id()),
         )
         add_attributes(results_element, {"run": self.results.run, "started": self.results.started})
         if measured:
-            listed = add_path(results_element, "MeasuredCharacteristics", "CharacteristicMeasurements")
+            listed = add_path(
+                results_element, "MeasuredCharacteristics", "CharacteristicMeasurements"
+            )
             listed.set("n", str(len(measured)))
             for value in measured:
                 self._measurement(listed, value)
-        add_path(results_element, "InspectionStatus", "InspectionStatusEnum", text=_overall_status(measured))
+        add_path(
+            results_element,
+            "InspectionStatus",
+            "InspectionStatusEnum",
+            text=_overall_status(measured),
+        )
 
     def _measurement(self, listed: Element, measured: Measured) -> None:
         demand = demand_of(measured)
@@ -160,7 +181,9 @@ class _Document:
             SubElement(devices, "Id").text = str(self.tools[measured.tool])
         value = _add_value(measurement, "Value", kind, measured.value, measured.unit)
         if kind != "UserDefinedAttribute" and (measured.uncertainty or 0) > 0:
-            value.set("combinedUncertainty", plain_number((measured.uncertainty or 0) / COVERAGE_FACTOR))
+            value.set(
+                "combinedUncertainty", plain_number((measured.uncertainty or 0) / COVERAGE_FACTOR)
+            )
             value.set("meanError", "0")
 
 
@@ -247,7 +270,8 @@ def _overall_status(measured: Iterable[Measured]) -> str:
 
 QIF_SPACE = "{http://qifstandards.org/xsd/qif3}"
 MEASUREMENT_SUFFIX = "CharacteristicMeasurement"
-SIGNED_KINDS = ("PointProfile",)  # their zone lies on both sides of the surface; a zone elsewhere begins at 0
+# their zone lies on both sides of the surface; a zone elsewhere begins at 0
+SIGNED_KINDS = ("PointProfile",)
 WORD_START = re.compile(r"(?<!^)(?=[A-Z])")
 
 
@@ -266,7 +290,9 @@ def read_qif(text: str) -> Results:
         raise ValueError("not a QIF document with results")
     about = _attributes_of(results_element)
     known = {element.get("id", ""): element for element in root.iter() if element.get("id")}
-    measured = [element for element in results_element.iter() if element.tag.endswith(MEASUREMENT_SUFFIX)]
+    measured = [
+        element for element in results_element.iter() if element.tag.endswith(MEASUREMENT_SUFFIX)
+    ]
     if "run" in about:
         return Results(
             about["run"],
@@ -306,7 +332,18 @@ def _read_measured(element: Element, known: dict[str, Element]) -> Measured:
         read_finite(said[name]) if name in said else None for name in ("uncertainty", "risk")
     )
     return Measured(
-        of, quantity, value, unit, nominal_value, lower, upper, tool, action, at_ms, uncertainty, risk
+        of,
+        quantity,
+        value,
+        unit,
+        nominal_value,
+        lower,
+        upper,
+        tool,
+        action,
+        at_ms,
+        uncertainty,
+        risk,
     )
 
 
@@ -318,12 +355,17 @@ def _demand_elements(element: Element, known: dict[str, Element]) -> tuple[Eleme
     definition = known[_child_text(nominal, "CharacteristicDefinitionId")]
     limits = definition.find(f"{QIF_SPACE}Tolerance")
     if limits is None:
-        limits = definition if definition.find(f"{QIF_SPACE}ToleranceValue") is not None else nominal
+        limits = (
+            definition if definition.find(f"{QIF_SPACE}ToleranceValue") is not None else nominal
+        )
     return nominal, limits
 
 
 def _read_foreign(element: Element, known: dict[str, Element], unit: str) -> Measured:
-    """A measured characteristic of another program. Raises `LookupError` where it refers to what is not there."""
+    """A measured characteristic of another program.
+
+    Raises `LookupError` where it refers to what is not there.
+    """
     item, kind = (
         known[_child_text(element, "CharacteristicItemId")],
         element.tag[len(QIF_SPACE) : -len(MEASUREMENT_SUFFIX)],
@@ -335,14 +377,25 @@ def _read_foreign(element: Element, known: dict[str, Element], unit: str) -> Mea
         lower, upper = (-zone / 2, zone / 2) if kind in SIGNED_KINDS else (0.0, zone)
     elif target is not None and _child_text(limits, "DefinedAsLimit") != "true":
         lower, upper = (None if bound is None else target + bound for bound in (lower, upper))
-    name = _child_text(item, "Name") or _child_text(item, "Description") or f"characteristic {item.get('id')}"
+    name = (
+        _child_text(item, "Name")
+        or _child_text(item, "Description")
+        or f"characteristic {item.get('id')}"
+    )
     value_element, combined = element.find(f"{QIF_SPACE}Value"), None
     if value_element is not None and value_element.get("combinedUncertainty"):
         combined = 2.0 * read_finite(value_element.attrib["combinedUncertainty"])
     unit = "degree" if "Angle" in kind else unit
     value = read_finite(_child_text(element, "Value"))
     return Measured(
-        name, WORD_START.sub("_", kind).lower(), value, unit, target, lower, upper, uncertainty=combined
+        name,
+        WORD_START.sub("_", kind).lower(),
+        value,
+        unit,
+        target,
+        lower,
+        upper,
+        uncertainty=combined,
     )
 
 

@@ -1,6 +1,7 @@
 """The engine for unified-planning, with our stages behind it.
 
-get_environment().factory.add_engine("cellwright", "cellwright.engine.formats.interop.up", "CellwrightEngine")
+get_environment().factory.add_engine("cellwright", "cellwright.engine.formats.interop.up",
+"CellwrightEngine")
 """
 
 from collections.abc import Callable
@@ -28,7 +29,9 @@ def _plan_problem(
 ) -> Outcome:
     gate = PlanGate()
     limits = SearchLimits(
-        interrupted=interrupted, improved=lambda plan: improved(gate.accepted(problem, plan)), **options
+        interrupted=interrupted,
+        improved=lambda plan: improved(gate.accepted(problem, plan)),
+        **options,
     )
     return checked_plan.plan_problem(problem, limits)
 
@@ -53,6 +56,10 @@ def _ground_instances(problem: Problem) -> tuple[Function, ...]:
 
 
 class CellwrightEngine(UpEngine):
-    """One-shot and anytime planner, validator of sequential and partial-order plans, grounder and replanner."""
+    """One-shot and anytime planner, validator of sequential and partial-order plans, grounder
+    and replanner.
+    """
 
-    stages = StageFunctions(_plan_problem, _revise_plan, prove_optimum, check_every_order, _ground_instances)
+    stages = StageFunctions(
+        _plan_problem, _revise_plan, prove_optimum, check_every_order, _ground_instances
+    )

@@ -9,7 +9,10 @@ from cellwright.engine.model.workflow_replay import reach_stages_early
 from cellwright.engine.pipelines.planning.plan_gate import accept_plan
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.planning.action_elimination import achieved_goal, eliminate_actions
-from cellwright.engine.stages.planning.effect_variants import TooManyVariants, unconditional_variants
+from cellwright.engine.stages.planning.effect_variants import (
+    TooManyVariants,
+    unconditional_variants,
+)
 from cellwright.engine.stages.planning.improvement.exact_optimum import find_cheapest_plan
 from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps
 from cellwright.engine.stages.planning.search_control import StateRoom
@@ -26,7 +29,9 @@ PROOF_ROOM = StateRoom(states=2_000_000, checks=400_000_000)
 def prove_optimum(
     problem: Problem, outcome: Found, interrupted: Interrupted, room: StateRoom = PROOF_ROOM
 ) -> Found:
-    """The same answer, or a cheaper one, with the proof that nothing is cheaper; as it is if that takes too long."""
+    """The same answer, or a cheaper one, with the proof that nothing is cheaper; as it is if
+    that takes too long.
+    """
     if outcome.optimal or outcome.plan.cost == 0:
         return replace(outcome, optimal=True)
     task = ground(problem)
@@ -51,7 +56,9 @@ MAX_ORDER_STATES = 20_000  # states that are looked at; then the question is lef
 
 
 def check_every_order(problem: Problem, plan: Plan, most: int = MAX_ORDER_STATES) -> OrderCheck:
-    """Whether a plan is valid in every order that it allows; at most `most` states are looked at."""
+    """Whether a plan is valid in every order that it allows; at most `most` states are looked
+    at.
+    """
     orders = _PlanOrders(problem, plan)
     failed = orders.follow()
     if failed is not None:
@@ -83,7 +90,9 @@ class _PlanOrders:
         return None if self._reached(state) else Counterexample(tuple(done), at_the_goal=True)
 
     def all(self, most: int) -> OrderCheck:
-        """The verdict over every order: breadth first over pairs of the steps done and the state reached."""
+        """The verdict over every order: breadth first over pairs of the steps done and the
+        state reached.
+        """
         start: tuple[Done, State] = (frozenset(), self.semantics.initial())
         ways: dict[tuple[Done, State], tuple[StepId, ...]] = {start: ()}
         waiting = [start]
@@ -96,7 +105,9 @@ class _PlanOrders:
             for step in self._ready(done):
                 following = self._after(step, state)
                 if following is None:
-                    return OrderCheck(False, Counterexample((*earlier_steps, step.id), at_the_goal=False))
+                    return OrderCheck(
+                        False, Counterexample((*earlier_steps, step.id), at_the_goal=False)
+                    )
                 reached = (done | {step.id}, following)
                 if reached not in ways:
                     ways[reached] = (*earlier_steps, step.id)

@@ -1,7 +1,7 @@
 """Translates unified-planning expressions into conditions of the model.
 
-A fluent whose value is an object, such as `position(r)`, becomes a predicate with one more argument, `position(r, V)`. Inside
-another expression, a variable replaces the value of the fluent.
+A fluent whose value is an object, such as `position(r)`, becomes a predicate with one more
+argument, `position(r, V)`. Inside another expression, a variable replaces the value of the fluent.
 """
 
 from collections.abc import Callable, Iterable
@@ -55,8 +55,12 @@ class ConditionTranslator:
     def __init__(self, names: NameMapping) -> None:
         self.names, self._fresh = names, count(1)
         self._table: dict[OperatorKind, Callable[[FNode, bool], Condition]] = {
-            OperatorKind.AND: lambda at, positive: self._joined(at, positive, And if positive else Or),
-            OperatorKind.OR: lambda at, positive: self._joined(at, positive, Or if positive else And),
+            OperatorKind.AND: lambda at, positive: self._joined(
+                at, positive, And if positive else Or
+            ),
+            OperatorKind.OR: lambda at, positive: self._joined(
+                at, positive, Or if positive else And
+            ),
             OperatorKind.NOT: lambda at, positive: self.condition(at.args[0], not positive),
             OperatorKind.IMPLIES: self._implies,
             OperatorKind.IFF: self._iff,
@@ -74,10 +78,11 @@ class ConditionTranslator:
         }
 
     def condition(self, at: FNode, positive: bool = True) -> Condition:
-        """The condition that a Boolean expression is true, or false if `positive` is False. Only literals are negated.
+        """The condition that a Boolean expression is true, or false if `positive` is False. Only
+        literals are negated.
 
-        A fluent of objects has exactly one value. So a claim about it is false if the opposite holds for that value.
-        Raises `Unsupported`.
+        A fluent of objects has exactly one value. So a claim about it is false if the opposite
+        holds for that value. Raises `Unsupported`.
         """
         if at.node_type not in self._table:
             raise Unsupported(f"the expression {at}")
@@ -112,7 +117,9 @@ class ConditionTranslator:
         fluent_locals = FluentLocals()
         value = self.term(value_side, fluent_locals)
         if fluent_side.is_fluent_exp():
-            return fluent_locals.around(Literal(self.atom(fluent_side, fluent_locals, value), positive))
+            return fluent_locals.around(
+                Literal(self.atom(fluent_side, fluent_locals, value), positive)
+            )
         return fluent_locals.around(
             Comparison(self.term(fluent_side, fluent_locals), "=" if positive else "!=", value)
         )
@@ -123,7 +130,10 @@ class ConditionTranslator:
         return Function(self.names.of("predicate", at.fluent().name), (*arguments, *value))
 
     def term(self, at: FNode, fluent_locals: FluentLocals) -> Term:
-        """A term. Values of fluents become variables, which are added to `found`. Raises `Unsupported`."""
+        """A term. Values of fluents become variables, which are added to `found`.
+
+        Raises `Unsupported`.
+        """
         if at.is_object_exp():
             return Function(self.names.of("object", at.object().name))
         if at.is_parameter_exp():

@@ -85,7 +85,8 @@ def only_cheaper(tell: Callable[[Plan], None]) -> Callable[[Plan], None]:
 
 
 def stream_results(solve: Solve, interrupted: Interrupted) -> Iterator[PlanGenerationResult]:
-    """The results that `solve` reports while it works, each at once, and finally the result that it returns.
+    """The results that `solve` reports while it works, each at once, and finally the result that it
+    returns.
 
     It works in its own thread, and is asked to stop when the results are no longer read.
     """
@@ -110,7 +111,9 @@ def stream_results(solve: Solve, interrupted: Interrupted) -> Iterator[PlanGener
 
 
 class ChangingProblem(mixins.ReplannerMixin):  # type: ignore[misc]
-    """The replanner part of an engine: values, goals and actions can be changed, added and removed."""
+    """The replanner part of an engine: values, goals and actions can be changed, added and
+    removed.
+    """
 
     _problem: up.Problem
 
@@ -158,7 +161,9 @@ LIMIT_STATUS = {"time": Status.TIMEOUT, "memory": Status.MEMOUT}
 
 
 class Planner(Protocol):
-    """Plans a problem. It calls `interrupted` now and then, and `improved` with every cheaper checked plan."""
+    """Plans a problem. It calls `interrupted` now and then, and `improved` with every cheaper
+    checked plan.
+    """
 
     def __call__(
         self,
@@ -190,8 +195,8 @@ class Reviser(Protocol):
 class StageFunctions:
     """The functions that do the work.
 
-    `prove` says whether a plan is a cheapest one; it may find a cheaper plan. `judge` checks all orders of a plan.
-    `instances` returns the operator instances that can be reached.
+    `prove` says whether a plan is a cheapest one; it may find a cheaper plan. `judge` checks all
+    orders of a plan. `instances` returns the operator instances that can be reached.
     """
 
     plan: Planner
@@ -211,8 +216,9 @@ class UpEngine(
 ):
     """An engine with five operation modes.
 
-    A replanner starts from `problem`. The option `partial_order` gives partial-order plans instead of sequences. All other
-    options are limits of the planner (`strategy`, `seed`, `expansions`, `improvement`).
+    A replanner starts from `problem`. The option `partial_order` gives partial-order plans instead
+    of sequences. All other options are limits of the planner (`strategy`, `seed`, `expansions`,
+    `improvement`).
     """
 
     stages: ClassVar[StageFunctions]
@@ -249,7 +255,10 @@ class UpEngine(
 
     @staticmethod
     def satisfies(optimality_guarantee: mixins.OptimalityGuarantee) -> bool:
-        """No guarantee of optimality is promised before the search. A result claims it only if it is proved."""
+        """No guarantee of optimality is promised before the search.
+
+        A result claims it only if it is proved.
+        """
         return bool(optimality_guarantee == mixins.OptimalityGuarantee.SATISFICING)
 
     @staticmethod
@@ -285,7 +294,9 @@ class UpEngine(
         **_: Any,
     ) -> PlanGenerationResult:
         if heuristic is not None or warm_start_plan is not None:
-            warnings.warn(f"{self.name} accepts neither a heuristic nor an initial plan", stacklevel=3)
+            warnings.warn(
+                f"{self.name} accepts neither a heuristic nor an initial plan", stacklevel=3
+            )
         return self._solve(problem, None, timeout, output_stream)
 
     def _solve(
@@ -296,7 +307,9 @@ class UpEngine(
         output_stream: IO[str] | None = None,
     ) -> PlanGenerationResult:
         late = deadline_after(timeout)
-        result = self._made(problem, lambda ours: self._proved(ours, self._planned(ours.ours, late), late))
+        result = self._made(
+            problem, lambda ours: self._proved(ours, self._planned(ours.ours, late), late)
+        )
         return _write_result(result, output_stream)
 
     def _planned(
@@ -307,16 +320,24 @@ class UpEngine(
         thorough: bool = False,
     ) -> Outcome:
         """Make a new plan. With `thorough`, improve it until the search is interrupted."""
-        return self.stages.plan(problem, interrupted, improved, {"thorough": thorough, **self._options})
+        return self.stages.plan(
+            problem, interrupted, improved, {"thorough": thorough, **self._options}
+        )
 
     def _proved(self, problem: Translated, outcome: Outcome, interrupted: Interrupted) -> Outcome:
-        """The outcome with a proof that it is optimal, if there is a metric and the proof does not take too long."""
+        """The outcome with a proof that it is optimal, if there is a metric and the proof does
+        not take too long.
+        """
         if isinstance(outcome, Found) and problem.theirs.quality_metrics:
             return self.stages.prove(problem.ours, outcome, interrupted)
         return outcome
 
-    def _made(self, problem: up.Problem, make: Callable[[Translated], Outcome]) -> PlanGenerationResult:
-        """The result for a problem in the terms of the library, also if it is unsupported or a limit is reached."""
+    def _made(
+        self, problem: up.Problem, make: Callable[[Translated], Outcome]
+    ) -> PlanGenerationResult:
+        """The result for a problem in the terms of the library, also if it is unsupported or a
+        limit is reached.
+        """
         try:
             ours = translate_problem(problem)
             return self._told(ours, make(ours))
@@ -334,7 +355,9 @@ class UpEngine(
             case Infeasible(reason):
                 return self._result(Status.UNSOLVABLE_PROVEN, None, reason)
             case GaveUp(reason, limit):
-                return self._result(LIMIT_STATUS.get(limit, Status.UNSOLVABLE_INCOMPLETELY), None, reason)
+                return self._result(
+                    LIMIT_STATUS.get(limit, Status.UNSOLVABLE_INCOMPLETELY), None, reason
+                )
 
     def _plan(self, problem: Translated, plan: Plan) -> UpPlan:
         return (partially_ordered if self._partial_order else sequential_plan)(problem, plan)
@@ -344,14 +367,19 @@ class UpEngine(
         return PlanGenerationResult(status, plan, self.name, log_messages=logs)
 
     def _get_solutions(
-        self, problem: up.Problem, timeout: float | None = None, output_stream: IO[str] | None = None
+        self,
+        problem: up.Problem,
+        timeout: float | None = None,
+        output_stream: IO[str] | None = None,
     ) -> Iterator[PlanGenerationResult]:
         """Every better plan when it is found, then the last plan again with its final status.
 
         With a timeout, plans are improved until the time is over.
         """
 
-        def solve(stop: Interrupted, tell: Callable[[PlanGenerationResult], None]) -> PlanGenerationResult:
+        def solve(
+            stop: Interrupted, tell: Callable[[PlanGenerationResult], None]
+        ) -> PlanGenerationResult:
             def improved_outcome(ours: Translated) -> Outcome:
                 better = only_cheaper(
                     lambda plan: tell(self._result(Status.INTERMEDIATE, self._plan(ours, plan)))
@@ -360,7 +388,9 @@ class UpEngine(
                 if timeout is None or not isinstance(first, Found) or first.optimal:
                     return first
                 last = self._planned(ours.ours, stop, better, thorough=True)
-                return last if isinstance(last, Found) and last.plan.cost <= first.plan.cost else first
+                return (
+                    last if isinstance(last, Found) and last.plan.cost <= first.plan.cost else first
+                )
 
             return self._made(problem, improved_outcome)
 
@@ -371,11 +401,15 @@ class UpEngine(
         self, timeout: float | None = None, output_stream: IO[str] | None = None
     ) -> PlanGenerationResult:
         late = deadline_after(timeout)
-        result = self._made(self._problem, lambda ours: self._proved(ours, self._revised(ours, late), late))
+        result = self._made(
+            self._problem, lambda ours: self._proved(ours, self._revised(ours, late), late)
+        )
         return _write_result(result, output_stream)
 
     def _revised(self, problem: Translated, interrupted: Interrupted) -> Outcome:
-        """The former plan after repair, if only initial values have changed; otherwise a new plan."""
+        """The former plan after repair, if only initial values have changed; otherwise a new
+        plan.
+        """
         ours, former = problem.ours, self._former
         if former is not None and former[0].replace(ours.initial) == ours:
             compare = bool(problem.theirs.quality_metrics)
@@ -390,11 +424,17 @@ class UpEngine(
         with _usage_errors(f"{self.name} cannot validate plans for this problem"):
             ours = translate_problem(problem)
             read_plan, instances = read_up_plan(ours, plan)
-            return validation_result(ours, instances, self.stages.judge(ours.ours, read_plan), self.name)
+            return validation_result(
+                ours, instances, self.stages.judge(ours.ours, read_plan), self.name
+            )
 
     def _compile(self, problem: up.Problem, compilation_kind: CompilationKind) -> CompilerResult:
-        """Ground a problem: the library's grounder makes the actions that our grounding finds reachable."""
-        chosen: dict[up.Action, list[tuple[up.FNode, ...]]] = {action: [] for action in problem.actions}
+        """Ground a problem: the library's grounder makes the actions that our grounding finds
+        reachable.
+        """
+        chosen: dict[up.Action, list[tuple[up.FNode, ...]]] = {
+            action: [] for action in problem.actions
+        }
         with _usage_errors(f"{self.name} cannot ground this problem"):
             ours = translate_problem(problem)
             for operator in self.stages.instances(ours.ours):
@@ -407,7 +447,9 @@ class UpEngine(
 
 @contextmanager
 def _usage_errors(said: str) -> Iterator[None]:
-    """A context that turns problems that cannot be translated or grounded into usage errors of the library."""
+    """A context that turns problems that cannot be translated or grounded into usage errors of
+    the library.
+    """
     try:
         yield
     except (Unsupported, InvalidInput) as error:

@@ -18,7 +18,9 @@ from cellwright.kb.terms import Function, Number, Term
 
 
 def instance_of(problem: Translated, operator: Function) -> ActionInstance:
-    """An operator instance as an action instance, without the cost argument, which only our operators have."""
+    """An operator instance as an action instance, without the cost argument, which only our
+    operators have.
+    """
     action = problem.theirs.action(problem.names.original("operator", operator.name))
     names = (problem.names.original("object", str(argument)) for argument in operator.arguments)
     chosen = zip(action.parameters, names, strict=False)
@@ -37,7 +39,9 @@ def sequential_plan(problem: Translated, plan: Plan) -> SequentialPlan:
 def partially_ordered(problem: Translated, plan: Plan) -> PartialOrderPlan:
     """The steps with only the orders that they need."""
     instances = {step.id: instance_of(problem, step.operator) for step in plan.steps}
-    following: dict[ActionInstance, list[ActionInstance]] = {instance: [] for instance in instances.values()}
+    following: dict[ActionInstance, list[ActionInstance]] = {
+        instance: [] for instance in instances.values()
+    }
     for step in plan.steps:
         for before in step.after:
             following[instances[before]].append(instances[step.id])
@@ -45,7 +49,9 @@ def partially_ordered(problem: Translated, plan: Plan) -> PartialOrderPlan:
 
 
 def read_up_plan(problem: Translated, plan: UpPlan) -> tuple[Plan, list[ActionInstance]]:
-    """A sequential or partial-order plan as a plan of the model, and the action instance of each step, in order."""
+    """A sequential or partial-order plan as a plan of the model, and the action instance of
+    each step, in order.
+    """
     if isinstance(plan, SequentialPlan):
         instances = list(plan.actions)
         before = [[place - 1] if place else [] for place, _ in enumerate(instances)]
@@ -54,7 +60,8 @@ def read_up_plan(problem: Translated, plan: UpPlan) -> tuple[Plan, list[ActionIn
         instances = list(nx.lexicographical_topological_sort(graph, key=str))
         places = {instance: place for place, instance in enumerate(instances)}
         before = [
-            sorted(places[earlier] for earlier in graph.predecessors(instance)) for instance in instances
+            sorted(places[earlier] for earlier in graph.predecessors(instance))
+            for instance in instances
         ]
     amounts = amounts_of(problem.ours)
     steps = (
@@ -76,7 +83,9 @@ def operator_of(problem: Translated, instance: ActionInstance) -> Function:
     table = problem.costs.tables.get(instance.action.name) if problem.costs else None
     if problem.costs and table and table.columns:
         terms.append(
-            Number(int(problem.costs.of(instance.action.name, tuple(objects)) * problem.costs.scale))
+            Number(
+                int(problem.costs.of(instance.action.name, tuple(objects)) * problem.costs.scale)
+            )
         )
     return Function(problem.names.of("operator", instance.action.name), tuple(terms))
 
@@ -95,10 +104,16 @@ VALIDATION_STATUS = {
 def validation_result(
     problem: Translated, instances: list[ActionInstance], verdict: OrderCheck, name: str
 ) -> ValidationResult:
-    """The result for a plan whose step n is `instances[n - 1]`, given a verdict on all its orders."""
+    """The result for a plan whose step n is `instances[n - 1]`, given a verdict on all its
+    orders.
+    """
     counterexample = verdict.counterexample
     if counterexample is None:
-        said = [] if verdict.valid else [LogMessage(LogLevel.WARNING, "too many orders to try them all")]
+        said = (
+            []
+            if verdict.valid
+            else [LogMessage(LogLevel.WARNING, "too many orders to try them all")]
+        )
         values = _metric_values(problem, instances) if verdict.valid else None
         return ValidationResult(VALIDATION_STATUS[verdict.valid], name, said, values)
     order = [instances[step - 1] for step in counterexample.order]
@@ -117,8 +132,13 @@ def _counterexample_text(counterexample: Counterexample, order: list[ActionInsta
     return f"{order[-1]} cannot be done last in this order: {said}"
 
 
-def _metric_values(problem: Translated, instances: list[ActionInstance]) -> dict[object, int | Fraction]:
-    """The value of each metric for a plan. The values are sums, so they do not depend on the order."""
+def _metric_values(
+    problem: Translated, instances: list[ActionInstance]
+) -> dict[object, int | Fraction]:
+    """The value of each metric for a plan.
+
+    The values are sums, so they do not depend on the order.
+    """
     values: dict[object, int | Fraction] = {}
     for metric in problem.theirs.quality_metrics:
         if metric.is_minimize_sequential_plan_length():
@@ -127,7 +147,8 @@ def _metric_values(problem: Translated, instances: list[ActionInstance]) -> dict
             values[metric] = sum(
                 (
                     problem.costs.of(
-                        instance.action.name, tuple(str(p.object().name) for p in instance.actual_parameters)
+                        instance.action.name,
+                        tuple(str(p.object().name) for p in instance.actual_parameters),
                     )
                     for instance in instances
                 ),

@@ -11,7 +11,11 @@ from unified_planning.model.fluent import get_all_fluent_exp
 from unified_planning.model.walkers import Simplifier
 
 from cellwright.engine.formats.interop.pddl.declared_names import NameMapping
-from cellwright.engine.formats.interop.up.up_conditions import ConditionTranslator, FluentLocals, Unsupported
+from cellwright.engine.formats.interop.up.up_conditions import (
+    ConditionTranslator,
+    FluentLocals,
+    Unsupported,
+)
 from cellwright.kb.model.condition_forms import bind_variables
 from cellwright.kb.model.conditions import (
     ALWAYS_TRUE,
@@ -25,16 +29,34 @@ from cellwright.kb.model.conditions import (
     Parameter,
     goal_parts,
 )
-from cellwright.kb.model.domain_model import OBJECT_TYPE, Domain, Effect, Kind, Operator, Predicate, Type
+from cellwright.kb.model.domain_model import (
+    OBJECT_TYPE,
+    Domain,
+    Effect,
+    Kind,
+    Operator,
+    Predicate,
+    Type,
+)
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.terms import Atom, Function, Number, Term, Variable, substitute_atom, substitute_term
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Number,
+    Term,
+    Variable,
+    substitute_atom,
+    substitute_term,
+)
 
 Row = tuple[str, ...]  # names of objects
 
 
 @dataclass(frozen=True, slots=True)
 class CostTable:
-    """The cost of an action for each choice of objects for its parameters at the positions `columns`."""
+    """The cost of an action for each choice of objects for its parameters at the positions
+    `columns`.
+    """
 
     columns: tuple[int, ...]
     costs: Mapping[Row, Fraction]
@@ -54,14 +76,18 @@ class ActionCosts:
 
 
 def action_costs(problem: up.Problem) -> ActionCosts | None:
-    """The costs that a problem minimises; None if every action costs the same. Raises `Unsupported`."""
+    """The costs that a problem minimises; None if every action costs the same. Raises
+    `Unsupported`.
+    """
     if len(problem.quality_metrics) > 1:
         raise Unsupported("more than one quality metric")
     metric = next(iter(problem.quality_metrics), None)
     if metric is None or not metric.is_minimize_action_costs():
         return None
     simplifier = Simplifier(problem.environment, problem)
-    tables = {action.name: _cost_table(problem, action, metric, simplifier) for action in problem.actions}
+    tables = {
+        action.name: _cost_table(problem, action, metric, simplifier) for action in problem.actions
+    }
     everything = [cost for table in tables.values() for cost in table.costs.values()]
     if any(cost < 0 for cost in everything):
         raise Unsupported("negative costs")
@@ -69,7 +95,10 @@ def action_costs(problem: up.Problem) -> ActionCosts | None:
 
 
 def _cost_table(
-    problem: up.Problem, action: up.Action, metric: up.metrics.MinimizeActionCosts, simplifier: Simplifier
+    problem: up.Problem,
+    action: up.Action,
+    metric: up.metrics.MinimizeActionCosts,
+    simplifier: Simplifier,
 ) -> CostTable:
     cost = metric.get_action_cost(action)
     if cost is None:
@@ -82,7 +111,9 @@ def _cost_table(
         value = simplifier.simplify(cost.substitute(dict(zip(chosen, objects, strict=True))))
         if not (value.is_int_constant() or value.is_real_constant()):
             raise Unsupported(f"the cost {cost}, which is not a static number")
-        rows[tuple(chosen_object.name for chosen_object in objects)] = Fraction(value.constant_value())
+        rows[tuple(chosen_object.name for chosen_object in objects)] = Fraction(
+            value.constant_value()
+        )
     return CostTable(columns, rows)
 
 
@@ -95,7 +126,8 @@ def _parameters_in(at: up.FNode) -> Iterator[up.Parameter]:
 
 @dataclass(frozen=True, slots=True)
 class FluentAssignment:
-    """The assignment of a value to a fluent of objects, for every binding of `parameters` that satisfies `condition`.
+    """The assignment of a value to a fluent of objects, for every binding of `parameters` that
+    satisfies `condition`.
 
     `place` is the fluent without its value.
     """
@@ -108,7 +140,10 @@ class FluentAssignment:
 
 
 class EffectTranslator:
-    """Translates the effects of one action. Its `precondition` may name the values that fluents have before."""
+    """Translates the effects of one action.
+
+    Its `precondition` may name the values that fluents have before.
+    """
 
     def __init__(self, conditions: ConditionTranslator, precondition: Condition) -> None:
         self.conditions, self.assignments = conditions, list[FluentAssignment]()
@@ -124,7 +159,9 @@ class EffectTranslator:
         if not effect.is_assignment():
             raise Unsupported(f"the numeric effect {effect}")
         fluent_locals = FluentLocals(list(self.conditions.quantified(effect.forall)))
-        condition = self.conditions.condition(effect.condition) if effect.is_conditional() else ALWAYS_TRUE
+        condition = (
+            self.conditions.condition(effect.condition) if effect.is_conditional() else ALWAYS_TRUE
+        )
         atom = self.conditions.atom(effect.fluent, fluent_locals)
         if effect.fluent.fluent().type.is_bool_type():
             yield from self._truth(atom, effect.value, fluent_locals, condition)
@@ -134,30 +171,44 @@ class EffectTranslator:
     def _truth(
         self, atom: Atom, value: up.FNode, fluent_locals: FluentLocals, condition: Condition
     ) -> Iterator[Effect]:
-        """The effects that make a fluent true, false, or equal to the value that an expression had."""
+        """The effects that make a fluent true, false, or equal to the value that an expression
+        had.
+        """
         parameters = tuple(fluent_locals.parameters)
         if value.is_bool_constant():
             yield Effect(
-                atom, value.bool_constant_value(), parameters, _conjoin(*fluent_locals.literals, condition)
+                atom,
+                value.bool_constant_value(),
+                parameters,
+                _conjoin(*fluent_locals.literals, condition),
             )
             return
         for truth in (True, False):
             reason = self.conditions.condition(value, truth)
-            yield Effect(atom, truth, parameters, _conjoin(*fluent_locals.literals, condition, reason))
+            yield Effect(
+                atom, truth, parameters, _conjoin(*fluent_locals.literals, condition, reason)
+            )
 
     def _assign(
         self, place: Atom, effect: up.Effect, fluent_locals: FluentLocals, condition: Condition
     ) -> Iterator[Effect]:
-        """Add the new value and delete every other value, or only the former value if it is known."""
+        """Add the new value and delete every other value, or only the former value if it is
+        known.
+        """
         value, type_ = (
             self.conditions.term(effect.value, fluent_locals),
             self.conditions.type(effect.fluent.fluent().type),
         )
-        parameters, condition = tuple(fluent_locals.parameters), _conjoin(*fluent_locals.literals, condition)
+        parameters, condition = (
+            tuple(fluent_locals.parameters),
+            _conjoin(*fluent_locals.literals, condition),
+        )
         self.assignments.append(FluentAssignment(place, value, type_, parameters, condition))
         yield Effect(_with_value(place, value), True, parameters, condition)
         former = [
-            atom for atom in self._given if atom.name == place.name and atom.arguments[:-1] == place.arguments
+            atom
+            for atom in self._given
+            if atom.name == place.name and atom.arguments[:-1] == place.arguments
         ]
         if former:
             yield Effect(former[0], False, parameters, condition)
@@ -172,7 +223,10 @@ class EffectTranslator:
         )
 
     def consistency(self) -> Iterator[Condition]:
-        """Conditions that no two assignments give a fluent different values. If they would, the action is not applicable."""
+        """Conditions that no two assignments give a fluent different values.
+
+        If they would, the action is not applicable.
+        """
         for first, second in combinations_with_replacement(self.assignments, 2):
             if first.place.name == second.place.name and (first is not second or first.parameters):
                 yield self._agree(first, second)
@@ -181,9 +235,14 @@ class EffectTranslator:
         apart: dict[Variable, Term] = {
             p.variable: self.conditions.fresh(p.variable.name) for p in second.parameters
         }
-        renamed = tuple(Parameter(v, p.type) for p, v in zip(second.parameters, apart.values(), strict=True))  # type: ignore[arg-type]
+        renamed = tuple(
+            Parameter(v, p.type) for p, v in zip(second.parameters, apart.values(), strict=True)
+        )  # type: ignore[arg-type]
         place, value = substitute_atom(second.place, apart), substitute_term(second.value, apart)
-        same = (Comparison(a, "=", b) for a, b in zip(first.place.arguments, place.arguments, strict=True))
+        same = (
+            Comparison(a, "=", b)
+            for a, b in zip(first.place.arguments, place.arguments, strict=True)
+        )
         differs = Comparison(first.value, "!=", value)
         clash = _conjoin(first.condition, bind_variables(second.condition, apart), *same, differs)
         parameters = (*first.parameters, *renamed)
@@ -213,7 +272,10 @@ class Translated:
 
 
 def translate_problem(problem: up.Problem) -> Translated:
-    """The problem in our model. Raises `Unsupported` if it contains something that is not supported."""
+    """The problem in our model.
+
+    Raises `Unsupported` if it contains something that is not supported.
+    """
     return _Translation(problem).result()
 
 
@@ -227,13 +289,17 @@ class _Translation:
         self.initial: list[Atom] = []
 
     def result(self) -> Translated:
-        """The translation. Names are given in a fixed order, so that the same problem always gets the same translation."""
+        """The translation. Names are given in a fixed order, so that the same problem always
+        gets the same translation.
+        """
         domain = Domain(
             "domain",
             {user_type.name: user_type for user_type in map(self._type, self.problem.user_types)},
             {},
             {
-                self.names.of("object", problem_object.name): self.conditions.type(problem_object.type)
+                self.names.of("object", problem_object.name): self.conditions.type(
+                    problem_object.type
+                )
                 for problem_object in self.problem.all_objects
             },
             {predicate.name: predicate for predicate in self._predicates()},
@@ -265,7 +331,9 @@ class _Translation:
                 yield Predicate(self.names.of("predicate", fluent.name), tuple(types), kind)
         for name, table in self.costs.tables.items() if self.costs else ():
             action = self.problem.action(name)
-            types = [self.conditions.type(action.parameters[column].type) for column in table.columns]
+            types = [
+                self.conditions.type(action.parameters[column].type) for column in table.columns
+            ]
             yield Predicate(self._price(name), (*types, "int"), Kind.STATIC)
 
     def _price(self, action: str) -> str:
@@ -273,37 +341,55 @@ class _Translation:
         return self.names.of("predicate", f"cost of {action}")
 
     def _facts(self, fluent: up.Fluent) -> Iterator[Atom]:
-        """The true atoms of a fluent at the start. If it is false by default, only the explicit initial values are read."""
+        """The true atoms of a fluent at the start.
+
+        If it is false by default, only the explicit initial values are read.
+        """
         if not _is_in_state(fluent):
             return
         truth = fluent.type.is_bool_type()
         default = self.problem.fluents_defaults.get(fluent)
         if truth and default is not None and default.is_false():
             values = {
-                at: v for at, v in self.problem.explicit_initial_values.items() if at.fluent() == fluent
+                at: v
+                for at, v in self.problem.explicit_initial_values.items()
+                if at.fluent() == fluent
             }
         else:
-            values = {at: self.problem.initial_value(at) for at in get_all_fluent_exp(self.problem, fluent)}
+            values = {
+                at: self.problem.initial_value(at)
+                for at in get_all_fluent_exp(self.problem, fluent)
+            }
         for at, value in values.items():
             if truth and value.is_true():
                 yield self.conditions.atom(at, FluentLocals())
             elif not truth:
-                yield self.conditions.atom(at, FluentLocals(), self.conditions.term(value, FluentLocals()))
+                yield self.conditions.atom(
+                    at, FluentLocals(), self.conditions.term(value, FluentLocals())
+                )
 
     def _split(self, goal: up.FNode) -> Iterator[up.FNode]:
-        """A universal goal as one goal per object, so that the ways to satisfy each need not be combined."""
+        """A universal goal as one goal per object, so that the ways to satisfy each need not be
+        combined.
+        """
         if goal.is_and():
             yield from (part_goal for part in goal.args for part_goal in self._split(part))
         elif goal.is_forall():
             chosen = goal.variables()
-            for objects in product(*(list(self.problem.objects(variable.type)) for variable in chosen)):
-                yield from self._split(goal.args[0].substitute(dict(zip(chosen, objects, strict=True))))
+            for objects in product(
+                *(list(self.problem.objects(variable.type)) for variable in chosen)
+            ):
+                yield from self._split(
+                    goal.args[0].substitute(dict(zip(chosen, objects, strict=True)))
+                )
         else:
             yield goal
 
     def _operator(self, action: up.Action) -> Operator:
         if not isinstance(action, up.InstantaneousAction) or action.simulated_effect is not None:
-            raise Unsupported(f"the action {action.name}, which is not instantaneous or is simulated")
+            raise Unsupported(
+                f"the action {action.name}, which is not instantaneous or is simulated"
+            )
         precondition = And(tuple(map(self.conditions.condition, action.preconditions)))
         effects = EffectTranslator(self.conditions, precondition)
         model_effects = effects.effects(action.effects)
@@ -319,7 +405,10 @@ class _Translation:
         )
 
     def _cost(self, action: str, parameters: tuple[Parameter, ...]) -> tuple[Body, Term | None]:
-        """The cost of an action: a number, or a table over the parameters that determine it. Its facts are added to the statics."""
+        """The cost of an action: a number, or a table over the parameters that determine it.
+
+        Its facts are added to the statics.
+        """
         if self.costs is None:
             return (), None
         table, name = self.costs.tables[action], self._price(action)
@@ -334,5 +423,8 @@ class _Translation:
 
 
 def _is_in_state(fluent: up.Fluent) -> bool:
-    """Whether a fluent is part of the state. Static numbers are not: only costs use them, and costs are computed beforehand."""
+    """Whether a fluent is part of the state.
+
+    Static numbers are not: only costs use them, and costs are computed beforehand.
+    """
     return bool(fluent.type.is_bool_type() or fluent.type.is_user_type())

@@ -4,8 +4,17 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from cellwright.engine.formats.report.cells import placing_report
-from cellwright.engine.pipelines.manipulation.arm_monitoring import GoalForecast, GoalOutlook, WatchedWorld
-from cellwright.engine.pipelines.manipulation.assembly_moves import MoveKind, MoveObstacle, PartMove, PartSpot
+from cellwright.engine.pipelines.manipulation.arm_monitoring import (
+    GoalForecast,
+    GoalOutlook,
+    WatchedWorld,
+)
+from cellwright.engine.pipelines.manipulation.assembly_moves import (
+    MoveKind,
+    MoveObstacle,
+    PartMove,
+    PartSpot,
+)
 from cellwright.engine.pipelines.manipulation.assembly_order import AssemblyMade, Built
 from cellwright.engine.pipelines.manipulation.place_answers import Carry, NotPlaced
 from cellwright.engine.pipelines.manipulation.place_operation import BroughtPart, Portion
@@ -25,7 +34,9 @@ def assembly_status(assembly: AssemblyMade) -> str:
 
 def assembly_text(assembly: AssemblyMade, base: str) -> str:
     """An answer for people."""
-    learned = list(dict.fromkeys(f"  {obstacle_text(met_obstacle)}" for met_obstacle in assembly.obstacles))
+    learned = list(
+        dict.fromkeys(f"  {obstacle_text(met_obstacle)}" for met_obstacle in assembly.obstacles)
+    )
     why = ["geometry forbade:", *learned] if learned else []
     if not isinstance(assembly, Built):
         headline = f"the parts are not assembled on {base}: {assembly.why.reason}"
@@ -35,7 +46,9 @@ def assembly_text(assembly: AssemblyMade, base: str) -> str:
         lines.append(f"{n}. {_move_text(move)}")
         lines += [f"   {_assembly_carry_text(carry)}" for carry in carries]
     legs = [leg for _, carries in assembly.moves for carry in carries for leg in carry.legs]
-    lines.append(f"{sum(leg.proved for leg in legs)} of {len(legs)} legs are proved free everywhere")
+    lines.append(
+        f"{sum(leg.proved for leg in legs)} of {len(legs)} legs are proved free everywhere"
+    )
     return "\n".join([*lines, *why])
 
 
@@ -43,7 +56,11 @@ def _move_text(move: PartMove) -> str:
     if move.end is PartSpot.ASIDE:
         return f"set {move.part} aside"
     again = ", with regrasps" if move.way is MoveKind.REGRASPED else ""
-    start = "" if move.start is PartSpot.FOUND else f" from {SPOT_WORDS[move.start].removeprefix('on ')}"
+    start = (
+        ""
+        if move.start is PartSpot.FOUND
+        else f" from {SPOT_WORDS[move.start].removeprefix('on ')}"
+    )
     return f"place {move.part}{start}{again}"
 
 
@@ -57,12 +74,19 @@ def obstacle_text(met_obstacle: MoveObstacle) -> str:
     move = met_obstacle.move
     wanted_act = "be set aside" if move.end is PartSpot.ASIDE else "be placed"
     how = " with regrasps" if move.way is MoveKind.REGRASPED else ""
-    return f"{move.part} cannot {wanted_act}{how}{_obstacle_during(met_obstacle)}: {met_obstacle.reason}"
+    return (
+        f"{move.part} cannot {wanted_act}{how}{_obstacle_during(met_obstacle)}: "
+        f"{met_obstacle.reason}"
+    )
 
 
 def _obstacle_during(met_obstacle: MoveObstacle) -> str:
     during = [f"{part} is {SPOT_WORDS[spot]}" for part, spot in met_obstacle.during]
-    until = f" until {_join_names(met_obstacle.until, 'or')} is at its goal" if met_obstacle.until else ""
+    until = (
+        f" until {_join_names(met_obstacle.until, 'or')} is at its goal"
+        if met_obstacle.until
+        else ""
+    )
     return (f" while {_join_names(during, 'and')}" if during else "") + until
 
 
@@ -134,14 +158,17 @@ def portion_text(portion: Portion, relation: SaidRelation) -> str:
     part = relation.first[0]
     lines = [
         f"{part} lies at {placing_report.pose_text(portion.T_world_from)}",
-        f"'{relation}' holds at {placing_report.pose_text(portion.T_world_part)}, {placing_report.freedom_text(portion.goal)}",
+        f"'{relation}' holds at {placing_report.pose_text(portion.T_world_part)}, "
+        f"{placing_report.freedom_text(portion.goal)}",
         f"taken at {placing_report.at_facets(portion.grasp)}, and held there",
         *(placing_report.leg_text(leg) for leg in portion.legs),
     ]
     return "\n".join(lines)
 
 
-def followed_text(state: WatchedWorld, forecasts: Sequence[tuple[WatchedWorld, GoalForecast | None]]) -> str:
+def followed_text(
+    state: WatchedWorld, forecasts: Sequence[tuple[WatchedWorld, GoalForecast | None]]
+) -> str:
     """What is said after each event, for people."""
     before = state.forecast
     lines = [f"at first: {_outlook_text(before)}"]
@@ -149,7 +176,9 @@ def followed_text(state: WatchedWorld, forecasts: Sequence[tuple[WatchedWorld, G
         mark = "WARNING: " if warning is not None else ""
         in_hand_text = " (in the hand)" if after.T_part_hand is not None else ""
         same = after.forecast == before
-        lines.append(f"act {n}{in_hand_text}: {mark}{'as before' if same else _outlook_text(after.forecast)}")
+        lines.append(
+            f"act {n}{in_hand_text}: {mark}{'as before' if same else _outlook_text(after.forecast)}"
+        )
         before = after.forecast
     return "\n".join(lines)
 
@@ -164,7 +193,10 @@ def followed_content(
     """The same for JSON."""
     return {
         "at_first": _forecast_entry(state, state.forecast, False),
-        "acts": [_forecast_entry(after, after.forecast, warning is not None) for after, warning in forecasts],
+        "acts": [
+            _forecast_entry(after, after.forecast, warning is not None)
+            for after, warning in forecasts
+        ],
     }
 
 

@@ -31,7 +31,8 @@ def device_entry(device: DeviceHead) -> dict[str, Any]:
 def device_table(devices: Sequence[DeviceHead]) -> RenderableType:
     """The devices as a table."""
     rows = [
-        (device.name, device.about, ", ".join(device.needs), ", ".join(device.offers)) for device in devices
+        (device.name, device.about, ", ".join(device.needs), ", ".join(device.offers))
+        for device in devices
     ]
     return TextTable(("device", "what it is", "needs", "offers"), rows)
 
@@ -39,7 +40,8 @@ def device_table(devices: Sequence[DeviceHead]) -> RenderableType:
 def device_page(device: DeviceHead) -> RenderableType:
     """All that somebody has to know who uses a device."""
     parameters = {
-        key: f"{parameter.meaning}; {'no default' if parameter.default is None else parameter.default}"
+        key: f"{parameter.meaning}; "
+        f"{'no default' if parameter.default is None else parameter.default}"
         for key, parameter in device.parameters.items()
     }
     sections: list[tuple[str, Mapping[str, str]]] = [
@@ -64,6 +66,8 @@ def device_page(device: DeviceHead) -> RenderableType:
 def _use_example(device: DeviceHead) -> str:
     required = [key for key, parameter in device.parameters.items() if parameter.default is None]
     required_text = ", ".join(f"{key}: ..." for key in required)
-    optional = next((f"{k}: {v.default}" for k, v in device.parameters.items() if v.default is not None), "")
+    optional = next(
+        (f"{k}: {v.default}" for k, v in device.parameters.items() if v.default is not None), ""
+    )
     second = ", ".join(filter(None, (f"device: {device.name}", required_text or optional)))
     return f"  use:\n    {device.name}: {{{required_text}}}\n    second_{device.name}: {{{second}}}"

@@ -60,7 +60,10 @@ def _curve_diagram(
     across, down = (WIDTH - 2 * MARGIN) / whole, (HEIGHT - 2 * MARGIN) / max(high - low, 1e-9)
     x, y = MARGIN + across * times, top + HEIGHT - MARGIN - down * (values - low)
     base, right = top + HEIGHT - MARGIN, WIDTH - MARGIN
-    yield f'<path d="M {MARGIN:g},{top + MARGIN:g} V {base:g} H {right:g}" fill="none" stroke="{INK}"/>'
+    yield (
+        f'<path d="M {MARGIN:g},{top + MARGIN:g} V {base:g} H {right:g}" fill="none" '
+        f'stroke="{INK}"/>'
+    )
     yield _svg_text(MARGIN, top + MARGIN - LINE, title, INK)
     yield _svg_text(4.0, top + MARGIN, f"{high:.2f}", INK)
     yield _svg_text(4.0, base, f"{low:.2f}", INK)
@@ -82,7 +85,9 @@ FRAME_S = 0.04  # between two pictures of a scene that moves
 OCTAHEDRON_CORNERS = np.array(
     [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=float
 )
-OCTAHEDRON_FACES = np.array([(a, b, c) for a in (0, 1) for b in (2, 3) for c in (4, 5)], dtype=np.int64)
+OCTAHEDRON_FACES = np.array(
+    [(a, b, c) for a in (0, 1) for b in (2, 3) for c in (4, 5)], dtype=np.int64
+)
 
 
 def motion_svg(motion: ArmMotion) -> str:
@@ -99,14 +104,17 @@ def motion_gltf(motion: ArmMotion) -> str:
     whole = np.repeat(motion.whole()[:1], count, axis=0)
     whole[:, motion.own] = motion.times.at(moments)[0]
     scene = motion.ground.scene
-    return viewer_files.gltf_of_motion(scene_surfaces(motion.world, scene), scene.joints, moments, whole)
+    return viewer_files.gltf_of_motion(
+        scene_surfaces(motion.world, scene), scene.joints, moments, whole
+    )
 
 
 def motion_png(motion: ArmMotion, azimuth_rad: float, elevation_rad: float) -> bytes:
-    """The cell with the arm at both ends of the path, the start paler, and marks where the hand passes.
+    """The cell with the arm at both ends of the path, the start paler, and marks where the hand
+    passes.
 
-    Without a path: the arm where it starts, or where the way is blocked worst, with what touches there. If it is proved that
-    there is none: the arm, beside its start, at what cuts the goal off.
+    Without a path: the arm where it starts, or where the way is blocked worst, with what touches
+    there. If it is proved that there is none: the arm, beside its start, at what cuts the goal off.
     """
     scene, answer = motion.ground.scene, motion.answer
     ends, contacts = _drawn_configurations(motion)
@@ -118,9 +126,14 @@ def motion_png(motion: ArmMotion, azimuth_rad: float, elevation_rad: float) -> b
         for surface in shown
         if surface.carrier > 0 and len(ends) > 1
     ]
-    drawn = [triangles_in_world([*shown, *marks], carriers[-1]), triangles_in_world(pale, carriers[0])]
+    drawn = [
+        triangles_in_world([*shown, *marks], carriers[-1]),
+        triangles_in_world(pale, carriers[0]),
+    ]
     triangles = np.concatenate(drawn)
-    camera = camera_for_points(triangles.reshape(-1, 3), MOTION_PICTURE_SIZE, azimuth_rad, elevation_rad)
+    camera = camera_for_points(
+        triangles.reshape(-1, 3), MOTION_PICTURE_SIZE, azimuth_rad, elevation_rad
+    )
     colours = colours_of([*shown, *marks, *pale])
     return png_picture.draw_png(
         camera, triangles, colours, picture_notes_of(camera, shown, carriers[-1], contacts)
@@ -151,7 +164,12 @@ def _hand_marks(motion: ArmMotion) -> list[PictureSurface]:
     points: Floats = motion.hand.poses(whole)[:, :3, 3]
     return [
         PictureSurface(
-            "way", 0, point + MARK_M * OCTAHEDRON_CORNERS, OCTAHEDRON_FACES, HAND_WAY_COLOUR, "region"
+            "way",
+            0,
+            point + MARK_M * OCTAHEDRON_CORNERS,
+            OCTAHEDRON_FACES,
+            HAND_WAY_COLOUR,
+            "region",
         )
         for point in points
     ]
@@ -172,12 +190,17 @@ def film_gltf(shots: Sequence[FilmShot]) -> str:
 def as_pngs(shots: Sequence[FilmShot], azimuth_rad: float, elevation_rad: float) -> Iterator[bytes]:
     """A picture of each shot, all by one camera that has everything in view."""
     shown = bodies_of(shots[0].world)
-    camera = _film_camera(shown, [movable_poses(shot.world) for shot in shots], azimuth_rad, elevation_rad)
+    camera = _film_camera(
+        shown, [movable_poses(shot.world) for shot in shots], azimuth_rad, elevation_rad
+    )
     colours = colours_of(shown)
     for shot in shots:
         poses = movable_poses(shot.world)
         yield png_picture.draw_png(
-            camera, triangles_in_world(shown, poses), colours, picture_notes_of(camera, shown, poses)
+            camera,
+            triangles_in_world(shown, poses),
+            colours,
+            picture_notes_of(camera, shown, poses),
         )
 
 
@@ -185,14 +208,18 @@ def _film_camera(
     shown: Sequence[PictureSurface], poses: Sequence[Floats], azimuth: float, elevation: float
 ) -> PictureCamera:
     corners = [triangles_in_world(shown, pose).reshape(-1, 3) for pose in poses]
-    boxes = np.array([(body_corners.min(axis=0), body_corners.max(axis=0)) for body_corners in corners])
+    boxes = np.array(
+        [(body_corners.min(axis=0), body_corners.max(axis=0)) for body_corners in corners]
+    )
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     ends = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     return camera_for_points(low + ends * (high - low), FILM_SIZE, azimuth, elevation)
 
 
 def movable_names(world: GeometricWorld) -> list[str]:
-    """What can move, in the order of `poses_of`: the world, the carriers of the arms, and the bodies."""
+    """What can move, in the order of `poses_of`: the world, the carriers of the arms, and the
+    bodies.
+    """
     carriers = [f"carrier {n + 1}" for n in range(world.joints.count)]
     return ["cell", *carriers, *world.cell.bodies]
 
@@ -205,7 +232,9 @@ def movable_poses(world: GeometricWorld) -> Floats:
 
 
 def bodies_of(world: GeometricWorld) -> list[PictureSurface]:
-    """The surfaces of all links and bodies; each body is its own carrier, by its number in `poses_of`."""
+    """The surfaces of all links and bodies; each body is its own carrier, by its number in
+    `poses_of`.
+    """
     scene, poses = collision_scene_of(world), movable_poses(world)
     numbers = {name: 1 + world.joints.count + n for n, name in enumerate(world.cell.bodies)}
     moving_bodies = []
@@ -215,5 +244,7 @@ def bodies_of(world: GeometricWorld) -> list[PictureSurface]:
             continue
         own = numbers[surface.body]
         T = transforms.inverse(poses[own]) @ poses[surface.carrier]
-        moving_bodies.append(replace(surface, carrier=own, vertices=transforms.apply(T, surface.vertices)))
+        moving_bodies.append(
+            replace(surface, carrier=own, vertices=transforms.apply(T, surface.vertices))
+        )
     return moving_bodies

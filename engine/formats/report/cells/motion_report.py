@@ -52,7 +52,10 @@ def _reason_entry(reason: Reason, joints: Sequence[str]) -> dict[str, Any]:
                 **limits,
             }
         case InCollision():
-            return {"of": reason.of, "contacts": [_contact_entry(contact) for contact in reason.contacts]}
+            return {
+                "of": reason.of,
+                "contacts": [_contact_entry(contact) for contact in reason.contacts],
+            }
 
 
 def _severed_entry(proof: Severed, joints: Sequence[str]) -> dict[str, Any]:
@@ -72,7 +75,9 @@ def _contact_entry(contact: Contact) -> dict[str, Any]:
     return {"between": [contact.first, contact.second], "distance_m": contact.distance_m}
 
 
-def no_motion_text(answer: RefusedQuery | Blocked, joints: Sequence[str], slides: Sequence[bool]) -> str:
+def no_motion_text(
+    answer: RefusedQuery | Blocked, joints: Sequence[str], slides: Sequence[bool]
+) -> str:
     """The reason for people: degrees and m."""
     match answer:
         case RefusedQuery():
@@ -84,7 +89,9 @@ def no_motion_text(answer: RefusedQuery | Blocked, joints: Sequence[str], slides
             )
             return "\n".join([*reason_lines[:MAX_SHOWN_ENDS], *more])
         case Blocked():
-            reason_lines = [_contact_text(contact) for contact in answer.contacts[:MAX_SHOWN_CONTACTS]]
+            reason_lines = [
+                _contact_text(contact) for contact in answer.contacts[:MAX_SHOWN_CONTACTS]
+            ]
             sure = [_cut_off(answer.severed, joints)] if answer.severed else []
             why = [f"{answer.why[0].upper()}{answer.why[1:]}."] if answer.why else []
             reached = "" if answer.why else f", {sum(answer.grown)} reached"
@@ -95,7 +102,8 @@ def no_motion_text(answer: RefusedQuery | Blocked, joints: Sequence[str], slides
                     *why,
                     f"from the start it gets to  {_joint_values(answer.ends[0], slides)}",
                     f"from the goal it gets to   {_joint_values(answer.ends[1], slides)}",
-                    f"between them, at {_joint_values(answer.at, slides)}, {', '.join(reason_lines) or 'nothing is near'}",
+                    f"between them, at {_joint_values(answer.at, slides)}, "
+                    f"{', '.join(reason_lines) or 'nothing is near'}",
                 ]
             )
 
@@ -115,12 +123,20 @@ def _reason_text(reason: Reason, joints: Sequence[str], slides: Sequence[bool]) 
                 _joint_name(reason.joint, joints),
                 reason.joint < len(slides) and slides[reason.joint],
             )
-            value, least, most = (_joint_value(x, slid) for x in (reason.value, reason.lower, reason.upper))
+            value, least, most = (
+                _joint_value(x, slid) for x in (reason.value, reason.lower, reason.upper)
+            )
             over = _joint_value(max(reason.lower - reason.value, reason.value - reason.upper), slid)
             unit = "m" if slid else "degrees"
-            return f"{reason.of}: {name} is at {value}, {over} {unit} beyond its limits, {least} and {most}"
+            return (
+                f"{reason.of}: {name} is at {value}, {over} {unit} beyond its limits, {least} "
+                f"and {most}"
+            )
         case InCollision():
-            return f"{reason.of}: {', '.join(_contact_text(contact) for contact in reason.contacts[:MAX_SHOWN_CONTACTS])}"
+            return (
+                f"{reason.of}: "
+                f"{', '.join(_contact_text(contact) for contact in reason.contacts[:MAX_SHOWN_CONTACTS])}"
+            )
 
 
 def _joint_value(value: float, slid: bool) -> str:
@@ -185,7 +201,12 @@ def _motion_leg_entry(leg: MotionLeg) -> dict[str, Any]:
         }
         for touch in leg.touches
     ]
-    return {"kind": leg.kind, "configurations": len(leg.path), "proved": leg.proved, "touches": touches}
+    return {
+        "kind": leg.kind,
+        "configurations": len(leg.path),
+        "proved": leg.proved,
+        "touches": touches,
+    }
 
 
 def motion_text(motion: ArmMotion) -> str:
@@ -194,8 +215,13 @@ def motion_text(motion: ArmMotion) -> str:
     if not isinstance(answer, Moved):
         return no_motion_text(answer, motion.joints, motion.slides)
     path, times = motion.path(), motion.times.corners_s()
-    proof_note = "proved free everywhere" if motion.proved else "free where it was looked at, not proved"
-    head = f"to {motion.goal}: {len(path)} configurations, {motion.times.duration_s:.2f} s, {proof_note}"
+    proof_note = (
+        "proved free everywhere" if motion.proved else "free where it was looked at, not proved"
+    )
+    head = (
+        f"to {motion.goal}: {len(path)} configurations, {motion.times.duration_s:.2f} s, "
+        f"{proof_note}"
+    )
     lines, n = [head], 0
     for leg in motion.legs:
         kind = LEG_WORDS.get(leg.kind, "")
@@ -227,7 +253,9 @@ def _rest_lines(motion: ArmMotion) -> list[str]:
     if len(motion.path()) < 3:
         return []
     if motion.times.cuts:
-        return ["where it does not rest it cuts the corner, and passes nearest to it at the time shown"]
+        return [
+            "where it does not rest it cuts the corner, and passes nearest to it at the time shown"
+        ]
     return ["it rests at each configuration"]
 
 
@@ -236,7 +264,8 @@ def _touch_text(touch: Any) -> str:
     if touch.proved:
         return f"            {touch.first} touches {touch.second} as declared, proved {most}"
     return (
-        f"            {touch.first} goes {touch.deepest_m * 1000:.1f} mm into {touch.second}: NOT proved {most};"
+        f"            {touch.first} goes {touch.deepest_m * 1000:.1f} mm into {touch.second}: "
+        f"NOT proved {most};"
         " declare `depth` at the place, or move it"
     )
 
@@ -244,4 +273,6 @@ def _touch_text(touch: Any) -> str:
 def joint_values_text(q: Floats, slides: Sequence[bool]) -> str:
     """The joint values (k,) of a configuration."""
     shown = zip(q, slides, strict=True)
-    return ", ".join(f"{value:.3f} m" if slid else f"{math.degrees(value):.1f}" for value, slid in shown)
+    return ", ".join(
+        f"{value:.3f} m" if slid else f"{math.degrees(value):.1f}" for value, slid in shown
+    )

@@ -35,8 +35,13 @@ def travel_table(travel_times: TravelTable) -> RenderableType:
     ]
     has_time = np.isfinite(travel_times.times_s) & ~np.eye(len(travel_times.names), dtype=bool)
     over = (travel_times.times_s - travel_times.least_s)[has_time]
-    bound_note = f"Seconds; at most {over.max(initial=0.0):.2f} s more than the least that any path can take."
-    left_out_lines = [Text(f"{name} is left out: {why}") for name, why in travel_times.unreached.items()]
+    bound_note = (
+        f"Seconds; at most {over.max(initial=0.0):.2f} s more than the least that any path can "
+        "take."
+    )
+    left_out_lines = [
+        Text(f"{name} is left out: {why}") for name, why in travel_times.unreached.items()
+    ]
     return Group(
         TextTable(("from", *travel_times.names), rows, right=travel_times.names),
         Text(bound_note),
@@ -90,10 +95,16 @@ def replay_table(replayed_problems: Sequence[ReplayedAnswer]) -> RenderableType:
         for status in sorted({f.status for f in replayed_problems})
     }
     summary_parts = [", ".join(f"{count} {status}" for status, count in counts.items())]
-    summary_parts.append(f"{sum(replayed_problem.proved for replayed_problem in replayed_problems)} proved")
+    summary_parts.append(
+        f"{sum(replayed_problem.proved for replayed_problem in replayed_problems)} proved"
+    )
     saved = [
-        replayed_problem.same for replayed_problem in replayed_problems if replayed_problem.same is not None
+        replayed_problem.same
+        for replayed_problem in replayed_problems
+        if replayed_problem.same is not None
     ]
     summary_parts += [f"{sum(saved)} of {len(saved)} as saved"] if saved else []
     headings = ("", "status", "s", "looked", "", "from", "to")
-    return Group(TextTable(headings, rows, right=("", "s", "looked")), Text("; ".join(summary_parts)))
+    return Group(
+        TextTable(headings, rows, right=("", "s", "looked")), Text("; ".join(summary_parts))
+    )

@@ -32,7 +32,9 @@ def net_text(net: ContactNet) -> RenderableType:
         parts.append(TextTable(("filter", "removed", "clusters"), why, right=("clusters",)))
     if len(net.regions) > 1:
         parts.append(_region_table(net.regions))
-    return Group(*(part for table_part in parts for part in (table_part, Text(""))), Text(net_summary(net)))
+    return Group(
+        *(part for table_part in parts for part in (table_part, Text(""))), Text(net_summary(net))
+    )
 
 
 def place_templates(net: ContactNet) -> str:
@@ -47,7 +49,11 @@ def place_templates(net: ContactNet) -> str:
 def net_summary(net: ContactNet) -> str:
     """One line: how many places, transitions and states there are."""
     robots = sum(place.robot for place in net.places)
-    whole = "" if net.complete else "; the search was stopped, so some may be missing and others unreachable"
+    whole = (
+        ""
+        if net.complete
+        else "; the search was stopped, so some may be missing and others unreachable"
+    )
     return (
         f"{len(net.places)} places ({robots} with a robot, {len(net.places) - robots} without), "
         f"{len(net.transitions)} transitions, {state_count_text(net.growth)}{whole}"
@@ -83,24 +89,35 @@ def _transition_table(transitions: tuple[Transition, ...]) -> RenderableType:
         arc_text = f"{' + '.join(transition.inputs)} -> {' + '.join(transition.outputs)}"
         rows.append((transition.name, arc_text, ", ".join(map(str, transition.restrictions))))
     if len(transitions) > MAX_NET_ROWS:
-        rows.append(("...", f"and {len(transitions) - MAX_NET_ROWS} more (--format json has all)", ""))
+        rows.append(
+            ("...", f"and {len(transitions) - MAX_NET_ROWS} more (--format json has all)", "")
+        )
     return TextTable(("transition", "leads", "only if"), rows)
 
 
 def _region_table(regions: tuple[StateRegion, ...]) -> RenderableType:
     rows = []
     for n, region in enumerate(regions[:MAX_NET_ROWS], 1):
-        kind = "dead end" if region.dead else "final" if not region.exits else f"{region.exits} one-way exits"
+        kind = (
+            "dead end"
+            if region.dead
+            else "final"
+            if not region.exits
+            else f"{region.exits} one-way exits"
+        )
         rows.append((str(n), f"{region.states:,}", kind, "; ".join(region.fused)))
     if len(regions) > MAX_NET_ROWS:
-        rows.append(("...", "", f"and {len(regions) - MAX_NET_ROWS} more (--format json has all)", ""))
+        rows.append(
+            ("...", "", f"and {len(regions) - MAX_NET_ROWS} more (--format json has all)", "")
+        )
     return TextTable(("region", "states", "", "one-way contacts"), rows, right=("states",))
 
 
 def brought_text(part: ObjectShare) -> str:
     """What a part brings to a net, and what filters remove because of it, in a few lines."""
     lines = [
-        f"{part.part} brings {part.places} places, {part.transitions} transitions and {part.states:,} contact states"
+        f"{part.part} brings {part.places} places, {part.transitions} transitions and "
+        f"{part.states:,} contact states"
     ]
     lines += [f"  {filter_} removes: {reason}" for filter_, reason in part.removed]
     return "\n".join(lines)
@@ -129,7 +146,11 @@ def net_content(net: ContactNet) -> dict[str, Any]:
         "transitions": [_transition_entry(transition) for transition in net.transitions],
         "joints": {name: list(places) for name, places in net.joints.items()},
         "removed": [
-            {"filter": removal.filter, "reason": removal.reason, "contacts": list(map(str, removal.contacts))}
+            {
+                "filter": removal.filter,
+                "reason": removal.reason,
+                "contacts": list(map(str, removal.contacts)),
+            }
             for removal in net.removed
         ],
         "regions": [
@@ -170,4 +191,10 @@ def _transition_entry(transition: Transition) -> dict[str, Any]:
 
 
 def _transfer_entry(row: Transfer) -> dict[str, Any]:
-    return {"from": row.source, "to": row.target, "type": row.type, "least": row.least, "most": row.most}
+    return {
+        "from": row.source,
+        "to": row.target,
+        "type": row.type,
+        "least": row.least,
+        "most": row.most,
+    }

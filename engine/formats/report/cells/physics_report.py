@@ -31,11 +31,16 @@ def _execution_lines(done: AssemblyRun) -> Iterator[str]:
     yield from given_up_lines(last.given_up)
     end_words = run_report.ENDING_WORDS[last.outcome]
     exceptions = sum(run.exceptions for run in done.runs) - len(done.refused)
-    yield f"{end_words}; {count_noun(exceptions, 'exception')}, {done.seconds:.0f} s of simulated time"
+    yield (
+        f"{end_words}; {count_noun(exceptions, 'exception')}, {done.seconds:.0f} s of simulated "
+        "time"
+    )
 
 
 def _final_place(part: str, off: tuple[float, float]) -> str:
-    return f"{part} stands {1000 * off[0]:.2f} mm and {np.degrees(off[1]):.2f} degrees from its goal"
+    return (
+        f"{part} stands {1000 * off[0]:.2f} mm and {np.degrees(off[1]):.2f} degrees from its goal"
+    )
 
 
 def _touch_lines(touched_bodies: Sequence[ForbiddenContact]) -> Iterator[str]:
@@ -54,7 +59,11 @@ PHYSICS_WORDS = {
 
 def carried_text(done: CarriedPart, part: str) -> str:
     """How one part was placed, for people."""
-    lines = [PHYSICS_WORDS[done.went].format(part), _final_place(part, done.off), *_touch_lines(done.touched)]
+    lines = [
+        PHYSICS_WORDS[done.went].format(part),
+        _final_place(part, done.off),
+        *_touch_lines(done.touched),
+    ]
     lines.append(f"{done.seconds:.0f} s of simulated time")
     return "\n".join(["executed in MuJoCo:", *(f"  {line}" for line in lines)])
 
@@ -71,7 +80,8 @@ def carried_content(done: CarriedPart) -> dict[str, Any]:
 
 def _contact_entries(touched_bodies: Sequence[ForbiddenContact]) -> list[dict[str, Any]]:
     return [
-        {"first": touch.first, "second": touch.second, "force_n": touch.force_n} for touch in touched_bodies
+        {"first": touch.first, "second": touch.second, "force_n": touch.force_n}
+        for touch in touched_bodies
     ]
 
 
@@ -79,8 +89,12 @@ def physics_content(done: AssemblyRun) -> dict[str, Any]:
     """An answer for JSON: metres, radians, newtons and seconds."""
     return {
         "runs": [run_report.ending_entry(run) for run in done.runs],
-        "refused": [assembly_report.obstacle_text(refused_obstacle) for refused_obstacle in done.refused],
-        "off": {part: {"m": metres, "rad": radians} for part, (metres, radians) in done.off.items()},
+        "refused": [
+            assembly_report.obstacle_text(refused_obstacle) for refused_obstacle in done.refused
+        ],
+        "off": {
+            part: {"m": metres, "rad": radians} for part, (metres, radians) in done.off.items()
+        },
         "touched": _contact_entries(done.touched),
         "seconds": done.seconds,
     }

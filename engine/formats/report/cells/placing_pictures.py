@@ -33,14 +33,18 @@ def depth_png(
 ) -> bytes:
     """The PNG of a depth image, with the edges of solids at poses T_camera_part (4, 4).
 
-    Each of `hands` is a pose T_camera_hand (4, 4), the width to which it closes, and whether it is the chosen one. It is drawn as
-    the line between its pads, and one back to the hand; the chosen one is yellow, all others are green. `edges` that were found in the
-    image, each with both ends (2,) as (u, v), are cyan. `notes` are frames with what is said of them.
+    Each of `hands` is a pose T_camera_hand (4, 4), the width to which it closes, and whether it is
+    the chosen one. It is drawn as the line between its pads, and one back to the hand; the chosen
+    one is yellow, all others are green. `edges` that were found in the image, each with both ends
+    (2,) as (u, v), are cyan. `notes` are frames with what is said of them.
     """
     drawn = _depth_greys(image.depth)
     pen = ImageDraw.Draw(drawn)
     for edge_start, edge_end in edges:
-        line = [(float(edge_start[0]), float(edge_start[1])), (float(edge_end[0]), float(edge_end[1]))]
+        line = [
+            (float(edge_start[0]), float(edge_start[1])),
+            (float(edge_end[0]), float(edge_end[1])),
+        ]
         pen.line(line, fill=FOUND, width=3)
     for solid, T_camera_part in parts:
         for facet in solid.facets:
@@ -49,7 +53,9 @@ def depth_png(
                 pen.line([(u[0], v[0]), (u[1], v[1])], fill=EDGE)
     for T, width_m, chosen in sorted(hands, key=lambda hand_line: hand_line[2]):
         half = width_m / 2
-        ends = np.array([[-half, 0, -HAND_LINE_M], [-half, 0, 0], [half, 0, 0], [half, 0, -HAND_LINE_M]])
+        ends = np.array(
+            [[-half, 0, -HAND_LINE_M], [-half, 0, 0], [half, 0, 0], [half, 0, -HAND_LINE_M]]
+        )
         u, v = image.camera.pixels(apply(T, ends))
         hand = [(float(x), float(y)) for x, y in zip(u, v, strict=True)]
         pen.line(hand, fill=CHOSEN if chosen else POSSIBLE, width=LONG if chosen else SHORT)
@@ -62,9 +68,13 @@ def depth_png(
 
 
 def _depth_greys(depth: Floats) -> Image.Image:
-    """Depths (rows, columns) in metres as greys: near is light, and what was not seen has a colour of its own."""
+    """Depths (rows, columns) in metres as greys: near is light, and what was not seen has a
+    colour of its own.
+    """
     seen = depth > 0
-    low, high = (float(x) for x in np.percentile(depth[seen], (0.5, 99.5))) if seen.any() else (0.0, 1.0)
+    low, high = (
+        (float(x) for x in np.percentile(depth[seen], (0.5, 99.5))) if seen.any() else (0.0, 1.0)
+    )
     grey = (235 - 200 * np.clip((depth - low) / max(high - low, 1e-6), 0, 1)).astype(np.uint8)
     shown = np.where(seen[..., None], grey[..., None], np.array(NOTHING, dtype=np.uint8))
     return Image.fromarray(shown.astype(np.uint8))
@@ -76,9 +86,11 @@ GRASP_PLANE_STYLE = "text{font:13px sans-serif;fill:#222}"
 
 
 def grasp_plane_svg(plane: GraspPlane, way: Floats, names: Sequence[str]) -> str:
-    """The SVG of a plane, seen along the closing direction, with the hand at some poses (n, 3) of its way and at the grasp.
+    """The SVG of a plane, seen along the closing direction, with the hand at some poses (n, 3) of
+    its way and at the grasp.
 
-    Obstacles and blocks of the hand have the colour of their layer: `names` are those of the blocks.
+    Obstacles and blocks of the hand have the colour of their layer: `names` are those of the
+    blocks.
     """
     layers = plane.layers()
     parts = [
@@ -88,7 +100,11 @@ def grasp_plane_svg(plane: GraspPlane, way: Floats, names: Sequence[str]) -> str
     ]
     parts += [
         _hand_block(
-            pose, middle, half, LAYER_COLOURS[n % len(LAYER_COLOURS)], 1.0 if at == len(way) - 1 else 0.35
+            pose,
+            middle,
+            half,
+            LAYER_COLOURS[n % len(LAYER_COLOURS)],
+            1.0 if at == len(way) - 1 else 0.35,
         )
         for at, pose in enumerate(way)
         for n, (middle, half, _) in enumerate(layers)
@@ -96,13 +112,16 @@ def grasp_plane_svg(plane: GraspPlane, way: Floats, names: Sequence[str]) -> str
     points = " ".join(f"{u:.1f},{v:.1f}" for u, v in map(_pixel_of, way[:, :2]))
     parts.append(f'<polyline points="{points}" fill="none" stroke="#222" stroke-width="2"/>')
     legend = "".join(
-        f'<rect x="12" y="{12 + 18 * n}" width="12" height="12" fill="{LAYER_COLOURS[n % len(LAYER_COLOURS)]}"/>'
+        f'<rect x="12" y="{12 + 18 * n}" width="12" height="12" '
+        f'fill="{LAYER_COLOURS[n % len(LAYER_COLOURS)]}"/>'
         f'<text x="30" y="{23 + 18 * n}">{name} and what it could meet</text>'
         for n, name in enumerate(names)
     )
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {SIDE_PX} {SIDE_PX}" width="{SIDE_PX}" height="{SIDE_PX}">'
-        f'<style>{GRASP_PLANE_STYLE}</style><rect width="100%" height="100%" fill="white"/>{"".join(parts)}{legend}</svg>\n'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {SIDE_PX} {SIDE_PX}" '
+        f'width="{SIDE_PX}" height="{SIDE_PX}">'
+        f'<style>{GRASP_PLANE_STYLE}</style><rect width="100%" height="100%" '
+        f'fill="white"/>{"".join(parts)}{legend}</svg>\n'
     )
 
 
@@ -129,7 +148,10 @@ def _hand_block(pose: Floats, middle: Floats, half: Floats, colour: str, opacity
     corners = middle + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
     turned = corners @ np.array([[c, s], [-s, c]]) + pose[:2]
     points = " ".join(f"{u:.1f},{v:.1f}" for u, v in map(_pixel_of, turned))
-    return f'<polygon points="{points}" fill="none" stroke="{colour}" stroke-width="1.8" stroke-opacity="{opacity}"/>'
+    return (
+        f'<polygon points="{points}" fill="none" stroke="{colour}" stroke-width="1.8" '
+        f'stroke-opacity="{opacity}"/>'
+    )
 
 
 WIDTH, HEIGHT, RADIUS = 760, 560, 34
@@ -142,23 +164,32 @@ PLACEMENTS_STYLE = """text{font:13px sans-serif;text-anchor:middle;fill:#222}
 def placements_svg(shown: RegraspGraph, part: str) -> str:
     """The SVG of a graph of placements."""
     lines = "".join((*_placement_edges(shown), *_placement_nodes(shown)))
-    caption = f"Where {part} may lie: in a circle the holds that serve there, on a line those that serve at both ends"
+    caption = (
+        f"Where {part} may lie: in a circle the holds that serve there, on a line those that "
+        "serve at both ends"
+    )
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" '
+        f'width="{WIDTH}" height="{HEIGHT}">'
         f'<style>{PLACEMENTS_STYLE}</style><rect width="100%" height="100%" fill="white"/>'
         f'<text x="{WIDTH / 2}" y="24">{escape(caption)}</text>{lines}</svg>\n'
     )
 
 
 def _placement_spots(shown: RegraspGraph) -> dict[str, tuple[float, float]]:
-    """The start on the left, the goal on the right, and the facets on an arc above and one below."""
+    """The start on the left, the goal on the right, and the facets on an arc above and one
+    below.
+    """
     facets = [name for name in shown.holds if name not in (START, GOAL)]
     spot_of = {START: (70.0, HEIGHT / 2), GOAL: (WIDTH - 70.0, HEIGHT / 2)}
     upper = (len(facets) + 1) // 2
     for row, sense in ((facets[:upper], -1), (facets[upper:], 1)):
         for n, name in enumerate(row):
             angle = math.pi * (n + 0.5) / len(row)
-            spot_of[name] = WIDTH / 2 - 235 * math.cos(angle), HEIGHT / 2 + 10 + sense * 200 * math.sin(angle)
+            spot_of[name] = (
+                WIDTH / 2 - 235 * math.cos(angle),
+                HEIGHT / 2 + 10 + sense * 200 * math.sin(angle),
+            )
     return spot_of
 
 

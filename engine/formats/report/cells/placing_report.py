@@ -24,7 +24,9 @@ PLACING_STATUS = {"relations": "infeasible", "regrasp": "infeasible"}
 
 
 def placing_status(answer: PlaceAnswer) -> str:
-    """The status word of an answer: what is proved impossible is infeasible, all else that failed is given up."""
+    """The status word of an answer: what is proved impossible is infeasible, all else that
+    failed is given up.
+    """
     return "found" if isinstance(answer, Placed) else PLACING_STATUS.get(answer.step, "gave up")
 
 
@@ -76,7 +78,9 @@ def carry_entry(part_carry: Carry) -> dict[str, Any]:
         "T_world_to": part_carry.T_world_to.tolist(),
         "rest": part_carry.rest,
         "legs": [leg_entry(carry_leg) for carry_leg in part_carry.legs],
-        "insertion": None if part_carry.insertion is None else _insertion_entry(part_carry.insertion),
+        "insertion": None
+        if part_carry.insertion is None
+        else _insertion_entry(part_carry.insertion),
     }
 
 
@@ -108,7 +112,8 @@ def placing_text(answer: PlaceAnswer, part: str, base: str) -> str:
     lines = [
         f"{part} lies at {pose_text(answer.T_world_part)}, {_sureness_text(answer)}",
         f"{part} belongs at {pose_text(answer.T_world_goal)}, {freedom_text(answer.goal)}",
-        f"there it will be within {_worst_deviation(at_goal(answer))} of that (three standard deviations of what was seen)",
+        f"there it will be within {_worst_deviation(at_goal(answer))} of that (three standard "
+        "deviations of what was seen)",
         f"{every} ways to hold it: {start} are possible where it lies, {goal} at its goal",
     ]
     for n, part_carry in enumerate(answer.carries, 1):
@@ -139,7 +144,10 @@ def pose_text(T: Floats) -> str:
     """A pose for people."""
     pose_values = transforms.to_pose(T)
     at = ", ".join(f"{_round_to_tenth(1000 * x):.1f}" for x in pose_values.position_m)
-    return f"{at} mm, turned {', '.join(f'{_round_to_tenth(np.degrees(x)):.1f}' for x in pose_values.rpy_rad)} degrees"
+    return (
+        f"{at} mm, turned "
+        f"{', '.join(f'{_round_to_tenth(np.degrees(x)):.1f}' for x in pose_values.rpy_rad)} degrees"
+    )
 
 
 def _round_to_tenth(value: float) -> float:
@@ -151,15 +159,23 @@ def _sureness_text(answer: Placed) -> str:
     sigma = np.sqrt(np.diag(answer.sighting.covariance))
     many = len(answer.sighting.equivalent)
     alike = f"; {many} poses look the same" if many > 1 else ""
-    return f"standard deviations {1000 * sigma[:3].max():.2f} mm and {np.degrees(sigma[3:].max()):.2f} degrees{alike}"
+    return (
+        f"standard deviations {1000 * sigma[:3].max():.2f} mm and "
+        f"{np.degrees(sigma[3:].max()):.2f} degrees{alike}"
+    )
 
 
 def freedom_text(goal: Assembled) -> str:
     """What relations leave free, and which follow from others."""
     freedom_texts = [_one_freedom(freedom) for freedom in goal.freedoms]
-    free = f"where it may still {', '.join(freedom_texts)}" if freedom_texts else "where nothing is free"
+    free = (
+        f"where it may still {', '.join(freedom_texts)}"
+        if freedom_texts
+        else "where nothing is free"
+    )
     redundant = [
-        f"'{redundant_relation}' follows from the other relations" for redundant_relation in goal.redundant
+        f"'{redundant_relation}' follows from the other relations"
+        for redundant_relation in goal.redundant
     ]
     return "; ".join([free, *redundant])
 
@@ -186,12 +202,15 @@ def _insertion_text(insertion: Insertion) -> str:
     }
     room, doubt = 1000 * insertion.room_m, 1000 * insertion.doubt_m
     return (
-        f"it goes {1000 * insertion.depth_m:.0f} mm deep with {room:.2f} mm of room on each side, and may be {doubt:.2f} mm off: "
+        f"it goes {1000 * insertion.depth_m:.0f} mm deep with {room:.2f} mm of room on each "
+        f"side, and may be {doubt:.2f} mm off: "
         f"{how[insertion.search]}"
     )
 
 
 def leg_text(leg: PathLeg) -> str:
     """A stretch of motion as a line."""
-    proved = "proved free everywhere" if leg.proved else "a straight line, free where it was looked at"
+    proved = (
+        "proved free everywhere" if leg.proved else "a straight line, free where it was looked at"
+    )
     return f"   {leg.what:<12} {len(leg.path)} configurations, {proved}"

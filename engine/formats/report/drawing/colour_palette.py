@@ -4,14 +4,26 @@ import colorsys
 import itertools
 from collections.abc import Iterable
 
-FIRST_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7f3c8d", "#666666")
+FIRST_COLOURS = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#b8860b",
+    "#56b4e9",
+    "#7f3c8d",
+    "#666666",
+)
 GOLDEN_TURN = 0.618034  # of a turn: hues at this distance spread evenly, however many there are
 MAX_COLOURS = 500  # colours; beyond, nobody tells them apart, and they are used again in turn
 SHADES = ((0.35, 0.75), (0.55, 0.55), (0.25, 0.6), (0.45, 0.9))  # lightness and saturation, in turn
 
 
 def assign_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour of its own for each of the first names, in their order. The first eight suit colour-blind readers."""
+    """A colour of its own for each of the first names, in their order.
+
+    The first eight suit colour-blind readers.
+    """
     distinct_names = list(dict.fromkeys(names))
     chosen_colours = dict.fromkeys(FIRST_COLOURS)
     number = 0

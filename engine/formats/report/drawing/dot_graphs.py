@@ -22,18 +22,25 @@ def _plan_dot_lines(drawn_plan: Plan, say: Callable[[Atom], str]) -> Iterator[st
     yield "start [shape=circle];"
     yield "goal [shape=doublecircle];"
     for step in drawn_plan.steps:
-        resource_text = f"\\n[{_escape_dot(', '.join(map(str, step.resources)))}]" if step.resources else ""
+        resource_text = (
+            f"\\n[{_escape_dot(', '.join(map(str, step.resources)))}]" if step.resources else ""
+        )
         yield f'{step.id} [label="{step.id} {_escape_dot(str(step.operator))}{resource_text}"];'
     for earlier, later in direct_orders(drawn_plan):
         yield f"{_node_name(earlier)} -> {_node_name(later)};"
     for link in drawn_plan.links:
         label = _escape_dot(say(link.condition))
         ends = f"{_node_name(link.producer)} -> {_node_name(link.consumer)}"
-        yield f'{ends} [style=dashed, color=steelblue, fontcolor=steelblue, constraint=false, label="{label}"];'
+        yield (
+            f"{ends} [style=dashed, color=steelblue, fontcolor=steelblue, constraint=false, "
+            f'label="{label}"];'
+        )
 
 
 def direct_orders(drawn_plan: Plan) -> Iterator[tuple[StepId, StepId]]:
-    """The direct orders. The start comes before steps that wait for nothing, the goal after steps for which nothing waits."""
+    """The direct orders. The start comes before steps that wait for nothing, the goal after
+    steps for which nothing waits.
+    """
     awaited = {before for step in drawn_plan.steps for before in step.after}
     for step in drawn_plan.steps:
         yield from ((before, step.id) for before in step.after or (INITIAL_STEP,))
@@ -54,7 +61,10 @@ def _escape_dot(text: str) -> str:
 
 def net_dot(contact_net: ContactNet) -> str:
     """The net. Places with tokens at the start have a thick rim; arcs say what they move."""
-    return "\n".join(["digraph states {", *(f"  {line}" for line in _net_dot_lines(contact_net)), "}"]) + "\n"
+    return (
+        "\n".join(["digraph states {", *(f"  {line}" for line in _net_dot_lines(contact_net)), "}"])
+        + "\n"
+    )
 
 
 def _net_dot_lines(contact_net: ContactNet) -> Iterator[str]:
@@ -64,16 +74,26 @@ def _net_dot_lines(contact_net: ContactNet) -> Iterator[str]:
     for place in contact_net.places:
         look = ', style=filled, fillcolor="#dbe9f8"' if place.robot else ""
         rim = ", penwidth=2.5" if place.initial else ""
-        yield f'{place.name} [shape=ellipse, label="{place.name}\\n{_escape_net_dot(place.say)}"{look}{rim}];'
+        yield (
+            f"{place.name} [shape=ellipse, "
+            f'label="{place.name}\\n{_escape_net_dot(place.say)}"{look}{rim}];'
+        )
     for number, transition in enumerate(contact_net.transitions, 1):
         condition = "".join(
             f"\\n[{_escape_net_dot(str(restriction))}]" for restriction in transition.restrictions
         )
-        yield f'T{number} [shape=box, height=0.3, label="{_escape_net_dot(transition.name)}{condition}"];'
+        yield (
+            f"T{number} [shape=box, height=0.3, "
+            f'label="{_escape_net_dot(transition.name)}{condition}"];'
+        )
         for name in dict.fromkeys(transition.inputs):
-            yield f'{name} -> T{number} [label="{_moved_tokens(transition.transfers, source=name)}"];'
+            yield (
+                f'{name} -> T{number} [label="{_moved_tokens(transition.transfers, source=name)}"];'
+            )
         for name in dict.fromkeys(transition.outputs):
-            yield f'T{number} -> {name} [label="{_moved_tokens(transition.transfers, target=name)}"];'
+            yield (
+                f'T{number} -> {name} [label="{_moved_tokens(transition.transfers, target=name)}"];'
+            )
 
 
 def _moved_tokens(transfers: Sequence[Transfer], source: str = "", target: str = "") -> str:

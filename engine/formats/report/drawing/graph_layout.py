@@ -10,9 +10,11 @@ Neighbours = Mapping[int, list[int]]
 
 @dataclass(frozen=True, slots=True)
 class GraphLayout:
-    """The layer of each node (0 is the top), its horizontal centre, and the places where long edges pass each layer.
+    """The layer of each node (0 is the top), its horizontal centre, and the places where long edges
+    pass each layer.
 
-    Centres and bends are multiples of `grid`. `bends` holds one x for each layer between the ends of an edge, from the top.
+    Centres and bends are multiples of `grid`. `bends` holds one x for each layer between the ends
+    of an edge, from the top.
     """
 
     layer: Mapping[int, int]
@@ -22,7 +24,9 @@ class GraphLayout:
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """Nodes and pieces of long edges in layers, their widths, and the edges between neighbouring layers."""
+    """Nodes and pieces of long edges in layers, their widths, and the edges between
+    neighbouring layers.
+    """
 
     rows: list[list[int]]
     widths: dict[int, float]
@@ -38,9 +42,11 @@ def layout_graph(
     grid: float = 1.0,
     extra: Iterable[Edge] = (),
 ) -> GraphLayout:
-    """Layers, centres and bends of a graph. `widths` lists the nodes in a topological order of all edges.
+    """Layers, centres and bends of a graph. `widths` lists the nodes in a topological order of all
+    edges.
 
-    `extra` edges also point downwards, but they do not pull nodes together. Boxes of one layer are at least `gap - grid` apart.
+    `extra` edges also point downwards, but they do not pull nodes together. Boxes of one layer are
+    at least `gap - grid` apart.
     """
     layer = _node_layers(list(widths), [*edges, *extra])
     rows = _node_rows(widths, layer, edges, gap)
@@ -63,7 +69,9 @@ def _node_layers(nodes: Sequence[int], edges: Iterable[Edge]) -> dict[int, int]:
 def _node_rows(
     widths: Mapping[int, float], layer: Mapping[int, int], edges: Sequence[Edge], gap: float
 ) -> _Rows:
-    """The rows of nodes. Long edges are cut into chains of narrow pieces, so that they can go round the boxes."""
+    """The rows of nodes. Long edges are cut into chains of narrow pieces, so that they can go
+    round the boxes.
+    """
     rows: list[list[int]] = [[] for _ in range(max(layer.values(), default=0) + 1)]
     for node in widths:
         rows[layer[node]].append(node)
@@ -91,7 +99,9 @@ def _reorder_rows(rows: list[list[int]], towards: Neighbours, down: bool) -> Non
     """Sort each row by the mean position of the neighbours in the row before."""
     place = {node: index for row in rows for index, node in enumerate(row)}
     for row in rows if down else reversed(rows):
-        means = {node: _mean_or([place[n] for n in towards.get(node, ())], place[node]) for node in row}
+        means = {
+            node: _mean_or([place[n] for n in towards.get(node, ())], place[node]) for node in row
+        }
         row.sort(key=lambda node: means[node])
         place.update((node, index) for index, node in enumerate(row))
 
@@ -115,16 +125,31 @@ def _node_centres(rows: _Rows, gap: float) -> dict[int, float]:
                 _mean_or([centre[n] for n in towards.get(node, ())], centre[node]) for node in row
             ]
             centre.update(
-                zip(row, _spread_row(wanted_centres, [rows.widths[node] for node in row], gap), strict=True)
+                zip(
+                    row,
+                    _spread_row(wanted_centres, [rows.widths[node] for node in row], gap),
+                    strict=True,
+                )
             )
     return centre
 
 
-def _spread_row(wanted_centres: Sequence[float], widths: Sequence[float], gap: float) -> list[float]:
-    """Centres near the wanted ones, in the same order, with the needed distances: the mean of a push right and a push left."""
+def _spread_row(
+    wanted_centres: Sequence[float], widths: Sequence[float], gap: float
+) -> list[float]:
+    """Centres near the wanted ones, in the same order, with the needed distances: the mean of a
+    push right and a push left.
+    """
     right, left = list(wanted_centres), list(wanted_centres)
     for index in range(1, len(right)):
-        right[index] = max(right[index], right[index - 1] + (widths[index - 1] + widths[index]) / 2 + gap)
+        right[index] = max(
+            right[index], right[index - 1] + (widths[index - 1] + widths[index]) / 2 + gap
+        )
     for index in range(len(left) - 2, -1, -1):
-        left[index] = min(left[index], left[index + 1] - (widths[index] + widths[index + 1]) / 2 - gap)
-    return [(pushed_right + pushed_left) / 2 for pushed_right, pushed_left in zip(right, left, strict=True)]
+        left[index] = min(
+            left[index], left[index + 1] - (widths[index] + widths[index + 1]) / 2 - gap
+        )
+    return [
+        (pushed_right + pushed_left) / 2
+        for pushed_right, pushed_left in zip(right, left, strict=True)
+    ]

@@ -1,9 +1,10 @@
 """Routes of causal links between boxes in layers: their ports, rows, tracks and labels.
 
-Channel routing by the left edge algorithm (Hashimoto & Stevens 1971). A net is one condition with its producer and all
-its consumers. It leaves the producer at one port and has a row with its label in the channel below. It runs down a track
-beside the layers that it passes, and has a row above each layer with a consumer. Ports down, ports in and tracks lie on
-three grids without common lines, so that two nets never overlap. No track crosses a box or a label.
+Channel routing by the left edge algorithm (Hashimoto & Stevens 1971). A net is one condition with
+its producer and all its consumers. It leaves the producer at one port and has a row with its label
+in the channel below. It runs down a track beside the layers that it passes, and has a row above
+each layer with a consumer. Ports down, ports in and tracks lie on three grids without common lines,
+so that two nets never overlap. No track crosses a box or a label.
 """
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
@@ -11,7 +12,8 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TypeVar
 
-PORT_GRID = 16  # ports down are at multiples, ports in half way between them, tracks at odd quarters
+# ports down are at multiples, ports in half way between them, tracks at odd quarters
+PORT_GRID = 16
 CHARACTER = 6.1  # of a label
 
 Span = tuple[float, float]
@@ -21,7 +23,10 @@ Key = TypeVar("Key", bound=Hashable)
 
 @dataclass(frozen=True, slots=True)
 class LinkNet:
-    """One condition of a producer for its consumers, all in lower layers. If `left`, it goes round on the left."""
+    """One condition of a producer for its consumers, all in lower layers.
+
+    If `left`, it goes round on the left.
+    """
 
     producer: int
     label: str
@@ -57,7 +62,9 @@ class NetPorts:
 
 @dataclass(frozen=True, slots=True)
 class NetRows:
-    """The row of each net below its producer, counted from the top, and above each layer that its track reaches, from below."""
+    """The row of each net below its producer, counted from the top, and above each layer that
+    its track reaches, from below.
+    """
 
     upper: Mapping[int, int]
     lower: Mapping[tuple[int, int], int]
@@ -69,7 +76,9 @@ def width_for(ports: int) -> float:
 
 
 def ports_of(nets: Sequence[LinkNet], boxes: LayeredBoxes) -> NetPorts:
-    """The ports of all nets: first the straight ways, with the shortest nets in the middle; then the longest at the sides."""
+    """The ports of all nets: first the straight ways, with the shortest nets in the middle;
+    then the longest at the sides.
+    """
     down: dict[int, float] = {}
     into: dict[End, float] = {}
     used_down: dict[int, set[float]] = {box: set() for box in boxes.layer}
@@ -87,13 +96,17 @@ def ports_of(nets: Sequence[LinkNet], boxes: LayeredBoxes) -> NetPorts:
     for index in reversed(order):
         net = nets[index]
         if index not in down:
-            down[index] = _free_port(net.producer, _net_side(net, boxes), boxes, used_down[net.producer], 0)
+            down[index] = _free_port(
+                net.producer, _net_side(net, boxes), boxes, used_down[net.producer], 0
+            )
             used_down[net.producer].add(down[index])
         for consumer in net.consumers:
             if (index, consumer) not in into:
                 near = 1 if down[index] >= boxes.centre[consumer] else -1
                 side = near if boxes.next_to(net, consumer) else _net_side(net, boxes)
-                into[index, consumer] = _free_port(consumer, side, boxes, used_into[consumer], PORT_GRID / 2)
+                into[index, consumer] = _free_port(
+                    consumer, side, boxes, used_into[consumer], PORT_GRID / 2
+                )
                 used_into[consumer].add(into[index, consumer])
     return NetPorts(down, into)
 
@@ -117,7 +130,9 @@ def _straight_x(net: LinkNet, consumer: int, boxes: LayeredBoxes, used: set[floa
     first = max(span[0] for span in spans) + PORT_GRID / 2
     last = min(span[1] for span in spans) - PORT_GRID / 2
     middles = boxes.centre[net.producer], boxes.centre[consumer]
-    places = (float(PORT_GRID * k) for k in range(int(-(-first // PORT_GRID)), int(last // PORT_GRID) + 1))
+    places = (
+        float(PORT_GRID * k) for k in range(int(-(-first // PORT_GRID)), int(last // PORT_GRID) + 1)
+    )
     free = [x for x in places if x not in used and x not in middles]
     side = -1 if net.left else 1
     return min(free, key=lambda x: (abs(x - middles[0]), -side * x), default=None)
@@ -135,26 +150,40 @@ def label_span(net: LinkNet, port: float, boxes: LayeredBoxes) -> Span:
     """Left and right end of a label, which starts at its port and extends outwards."""
     length = len(net.label) * CHARACTER
     return (
-        (port - 4 - length, port - 4) if port < boxes.centre[net.producer] else (port + 4, port + 4 + length)
+        (port - 4 - length, port - 4)
+        if port < boxes.centre[net.producer]
+        else (port + 4, port + 4 + length)
     )
 
 
 def tracks_of(
-    nets: Sequence[LinkNet], boxes: LayeredBoxes, labels: Sequence[Span], passing: Iterable[tuple[int, float]]
+    nets: Sequence[LinkNet],
+    boxes: LayeredBoxes,
+    labels: Sequence[Span],
+    passing: Iterable[tuple[int, float]],
 ) -> dict[int, float]:
-    """The x of the track of each net that passes layers: outside their boxes and labels, with the shortest nets innermost.
+    """The x of the track of each net that passes layers: outside their boxes and labels, with the
+    shortest nets innermost.
 
     Layers and the channels below them are counted together: 0, 1, 2, ...
     """
     least, most = [0.0] * (2 * layer_count(boxes)), [0.0] * (2 * layer_count(boxes))
     wide = [(2 * boxes.layer[box], boxes.span(box)) for box in boxes.layer]
-    wide += [(2 * boxes.layer[net.producer] + 1, span) for net, span in zip(nets, labels, strict=True)]
-    wide += [(place, (x, x)) for layer, x in passing for place in (2 * layer - 1, 2 * layer, 2 * layer + 1)]
+    wide += [
+        (2 * boxes.layer[net.producer] + 1, span) for net, span in zip(nets, labels, strict=True)
+    ]
+    wide += [
+        (place, (x, x))
+        for layer, x in passing
+        for place in (2 * layer - 1, 2 * layer, 2 * layer + 1)
+    ]
     for place, (left, right) in wide:
         least[place], most[place] = min(least[place], left), max(most[place], right)
     taken: dict[float, list[tuple[int, int]]] = {}
     tracks: dict[int, float] = {}
-    for index in sorted(range(len(nets)), key=lambda index: (_lowest_layer(nets[index], boxes), index)):
+    for index in sorted(
+        range(len(nets)), key=lambda index: (_lowest_layer(nets[index], boxes), index)
+    ):
         net, top = nets[index], 2 * boxes.layer[nets[index].producer] + 1
         bottom = top + 2 * _lowest_layer(net, boxes) - 2
         if bottom > top:
@@ -191,11 +220,17 @@ def rows_of(
     out: dict[int, list[tuple[float, int, Span]]] = {}
     back: dict[int, list[tuple[float, tuple[int, int], Span]]] = {}
     for index, net in enumerate(nets):
-        near = [ports.into[index, consumer] for consumer in net.consumers if boxes.next_to(net, consumer)]
+        near = [
+            ports.into[index, consumer]
+            for consumer in net.consumers
+            if boxes.next_to(net, consumer)
+        ]
         track = [tracks[index]] if index in tracks else []
         port, layer = ports.down[index], boxes.layer[net.producer]
         inner = -abs(port - boxes.centre[net.producer])
-        out.setdefault(layer, []).append((inner, index, _hull_span(port, *near, *track, *labels[index])))
+        out.setdefault(layer, []).append(
+            (inner, index, _hull_span(port, *near, *track, *labels[index]))
+        )
         for reached in sorted({boxes.layer[c] for c in net.consumers if not boxes.next_to(net, c)}):
             doors = [ports.into[index, c] for c in net.consumers if boxes.layer[c] == reached]
             span = _hull_span(*doors, tracks[index])
@@ -210,7 +245,9 @@ def _hull_span(*xs: float) -> Span:
 
 
 def _left_edge(wanted_spans: Iterable[tuple[float, Key, Span]]) -> dict[Key, int]:
-    """For each span the first row in which it meets no other span; spans of lower rank are placed first."""
+    """For each span the first row in which it meets no other span; spans of lower rank are
+    placed first.
+    """
     rows: list[list[Span]] = []
     row_of_key: dict[Key, int] = {}
     for _, key, (left, right) in sorted(wanted_spans, key=lambda wanted_span: wanted_span[0]):
@@ -225,14 +262,18 @@ def _left_edge(wanted_spans: Iterable[tuple[float, Key, Span]]) -> dict[Key, int
     return row_of_key
 
 
-UPPER, LOWER, ABOVE, BELOW, LEAST = 14, 8, 8, 18, 40  # pitches of rows, margins and least height of a channel
+# pitches of rows, margins and least height of a channel
+UPPER, LOWER, ABOVE, BELOW, LEAST = 14, 8, 8, 18, 40
 
 Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class LinkLabel:
-    """A line of text from `left` to `right` on the base line `y`. Its port is at one of its ends."""
+    """A line of text from `left` to `right` on the base line `y`.
+
+    Its port is at one of its ends.
+    """
 
     text: str
     left: float
@@ -243,7 +284,9 @@ class LinkLabel:
 
 @dataclass(frozen=True, slots=True)
 class LinkRouting:
-    """The top of each layer, the corners of each net's way to each consumer, and the label of each net."""
+    """The top of each layer, the corners of each net's way to each consumer, and the label of
+    each net.
+    """
 
     tops: tuple[float, ...]
     ways: Mapping[End, tuple[Point, ...]]
@@ -280,7 +323,9 @@ def route_links(
         for index, net in enumerate(nets)
         for consumer in net.consumers
     }
-    return LinkRouting(channels.tops, ways, tuple(_net_label(channels, index) for index in range(len(nets))))
+    return LinkRouting(
+        channels.tops, ways, tuple(_net_label(channels, index) for index in range(len(nets)))
+    )
 
 
 def _layer_tops(nets: Sequence[LinkNet], boxes: LayeredBoxes, rows: NetRows) -> tuple[float, ...]:

@@ -32,9 +32,11 @@ Way = tuple[StepId, Atom, StepId]
 
 @dataclass(frozen=True, slots=True)
 class PlanColumn:
-    """Some steps that stand below each other. `texts` are the texts of its boxes, those of `START` and `GOAL` included.
+    """Some steps that stand below each other. `texts` are the texts of its boxes, those of `START`
+    and `GOAL` included.
 
-    `titles` says for each of its links what it stands for: all links of the whole plan that leave or enter the column there.
+    `titles` says for each of its links what it stands for: all links of the whole plan that leave
+    or enter the column there.
     """
 
     part: Plan
@@ -77,13 +79,19 @@ def _make_column(
     }
     shown |= dict(_column_ends(plan, steps))
     titles = {link_ends: _link_title(parts, texts, say) for link_ends, parts in links.items()}
-    return PlanColumn(Plan(column_steps, tuple(CausalLink(*link_ends) for link_ends in links)), shown, titles)
+    return PlanColumn(
+        Plan(column_steps, tuple(CausalLink(*link_ends) for link_ends in links)), shown, titles
+    )
 
 
 def _link_in_column(link: CausalLink, own: set[StepId], first: bool) -> Way | None:
-    """Where a link of the plan runs in a column; None if it passes by. What the start gives the goal is in the first."""
+    """Where a link of the plan runs in a column; None if it passes by. What the start gives the
+    goal is in the first.
+    """
     inside = link.producer in own, link.consumer in own
-    if not any(inside) and not (first and (link.producer, link.consumer) == (INITIAL_STEP, GOAL_STEP)):
+    if not any(inside) and not (
+        first and (link.producer, link.consumer) == (INITIAL_STEP, GOAL_STEP)
+    ):
         return None
     return (
         link.producer if inside[0] else INITIAL_STEP,
@@ -100,7 +108,9 @@ def _column_ends(plan: Plan, steps: tuple[Step, ...]) -> Iterator[tuple[StepId, 
         yield GOAL_STEP, f"goal and steps from {steps[-1].id + 1} on"
 
 
-def _link_title(links: list[CausalLink], texts: Mapping[StepId, str], say: Callable[[Atom], str]) -> str:
+def _link_title(
+    links: list[CausalLink], texts: Mapping[StepId, str], say: Callable[[Atom], str]
+) -> str:
     users: dict[StepId, list[str]] = {}
     for link in links:
         users.setdefault(link.producer, []).append(texts[link.consumer])
@@ -114,9 +124,14 @@ def _link_title(links: list[CausalLink], texts: Mapping[StepId, str], say: Calla
 CHARACTER, HEIGHT, GAP, MARGIN, BAR, ROUND = 7.3, 30, 44, 20, 6, 5
 WIDE_START = 24  # ports
 MAX_LABEL_CHARACTERS = 44  # characters of a label; the whole condition is in the tooltip
-LABEL_FONTS = "DejaVu Sans Mono, Menlo, Consolas, monospace"  # widths of labels are counted in its letters
+# widths of labels are counted in its letters
+LABEL_FONTS = "DejaVu Sans Mono, Menlo, Consolas, monospace"
 INK, PAPER, BOX, LINK, GIVEN = "#1b1b1b", "#ffffff", "#f3f5f8", "#1f6fb5", "#8a8f98"
-STANDING_MARKS = {"running": ("#ffe08a", "▶ "), "done": ("#bfe5c7", "✓ "), "failed": ("#f5b5ac", "✗ ")}
+STANDING_MARKS = {
+    "running": ("#ffe08a", "▶ "),
+    "done": ("#bfe5c7", "✓ "),
+    "failed": ("#f5b5ac", "✗ "),
+}
 PLAN_STYLE = """
   .link:hover { stroke-width: 3; }
   @media (prefers-color-scheme: dark) {
@@ -143,16 +158,21 @@ class _ColumnPicture:
 
 
 def draw_plan(
-    drawn_plan: Plan, problem: Problem | None = None, standing: Mapping[int, str] = MappingProxyType({})
+    drawn_plan: Plan,
+    problem: Problem | None = None,
+    standing: Mapping[int, str] = MappingProxyType({}),
 ) -> str:
     """The partial order with its causal links. The same plan gives the same bytes.
 
-    Stages have the names of the problem. A long plan stands in columns. While a plan is carried out, `standing` says which
-    steps are `planned`, `running`, `done` or `failed`: their boxes have a colour and a sign for it.
+    Stages have the names of the problem. A long plan stands in columns. While a plan is carried
+    out, `standing` says which steps are `planned`, `running`, `done` or `failed`: their boxes have
+    a colour and a sign for it.
     """
     say = condition_wording(problem)
     pictures = [_column_picture(column, say) for column in split_columns(drawn_plan, say)]
-    fill_of = assign_colours(str(resource) for step in drawn_plan.steps for resource in step.resources)
+    fill_of = assign_colours(
+        str(resource) for step in drawn_plan.steps for resource in step.resources
+    )
     return "\n".join([*_picture_lines(pictures, fill_of, standing), "</svg>"]) + "\n"
 
 
@@ -168,7 +188,9 @@ def _column_picture(column: PlanColumn, say: Callable[[Atom], str]) -> _ColumnPi
     placed = layout_graph(widths, drawn, GAP, PORT_GRID, links)
     boxes = LayeredBoxes(placed.layer, placed.centre, widths, HEIGHT)
     passing = [
-        (placed.layer[edge[0]] + n, x) for edge, bend in placed.bends.items() for n, x in enumerate(bend, 1)
+        (placed.layer[edge[0]] + n, x)
+        for edge, bend in placed.bends.items()
+        for n, x in enumerate(bend, 1)
     ]
     index = {key: place for place, key in enumerate(nets)}
     return _ColumnPicture(
@@ -177,9 +199,14 @@ def _column_picture(column: PlanColumn, say: Callable[[Atom], str]) -> _ColumnPi
 
 
 def _box_widths(column: PlanColumn, nets: Sequence[LinkNet]) -> dict[int, float]:
-    """The widths of the boxes: room for the ports, and for the text with the bars on the left and equal space on the right."""
+    """The widths of the boxes: room for the ports, and for the text with the bars on the left
+    and equal space on the right.
+    """
     bars = {step.id: len(step.resources) for step in column.part.steps}
-    outward, inward = Counter(net.producer for net in nets), Counter(c for net in nets for c in net.consumers)
+    outward, inward = (
+        Counter(net.producer for net in nets),
+        Counter(c for net in nets for c in net.consumers),
+    )
     outward[INITIAL_STEP] = max(
         outward[INITIAL_STEP], min(2 * outward[INITIAL_STEP], WIDE_START)
     )  # all on the left, if they are few
@@ -215,7 +242,8 @@ def _picture_lines(
     width = 2 * MARGIN + max(width, sum(len(name) * CHARACTER + 34 for name in fill_of))
     height = max(low for _, _, low in extents) + 2 * MARGIN + (30 if fill_of else 0)
     yield (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" '
+        f'width="{width:g}"'
         f' height="{height:g}" font-family="{LABEL_FONTS}">'
     )
     yield f"<style>{PLAN_STYLE}</style>"
@@ -251,15 +279,22 @@ def _picture_extent(picture: _ColumnPicture) -> tuple[float, float, float]:
 def _arrow_head(name: str, fill: str) -> str:
     return (
         f'<marker id="{name}" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="7"'
-        f' markerUnits="userSpaceOnUse" orient="auto"><path class="{name}" d="M0 0L8 4L0 8z" fill="{fill}"/></marker>'
+        f' markerUnits="userSpaceOnUse" orient="auto"><path class="{name}" d="M0 0L8 4L0 8z" '
+        f'fill="{fill}"/></marker>'
     )
 
 
 def _order_lines(picture: _ColumnPicture) -> Iterator[str]:
-    """The orders: lines from the middle of one box to the middle of another, through their bends."""
+    """The orders: lines from the middle of one box to the middle of another, through their
+    bends.
+    """
     for edge in picture.orders:
         layer = picture.placed.layer[edge[0]]
-        xs = [picture.placed.centre[edge[0]], *picture.placed.bends[edge], picture.placed.centre[edge[1]]]
+        xs = [
+            picture.placed.centre[edge[0]],
+            *picture.placed.bends[edge],
+            picture.placed.centre[edge[1]],
+        ]
         d = f"M{xs[0]:g} {picture.routing.tops[layer] + HEIGHT:g}"
         for n, (x, to_x) in enumerate(pairwise(xs), layer):
             y, to_y = picture.routing.tops[n] + HEIGHT, picture.routing.tops[n + 1]
@@ -270,7 +305,8 @@ def _order_lines(picture: _ColumnPicture) -> Iterator[str]:
                 else f"C{x:g} {y + turn:g} {to_x:g} {to_y - turn:g} {to_x:g} {to_y:g}"
             )
         yield (
-            f'<path class="order" d="{d}" fill="none" stroke="{INK}" stroke-width="1.5" marker-end="url(#head)"/>'
+            f'<path class="order" d="{d}" fill="none" stroke="{INK}" stroke-width="1.5" '
+            'marker-end="url(#head)"/>'
         )
 
 
@@ -282,8 +318,10 @@ def _link_lines(picture: _ColumnPicture) -> Iterator[str]:
         name, stroke = ("given", GIVEN) if link.producer == INITIAL_STEP else ("link", LINK)
         title = picture.column.titles[link.producer, link.condition, link.consumer]
         yield (
-            f'<path class="link{" given" if name == "given" else ""}" d="{_rounded_path(corners)}" fill="none" stroke="{stroke}"'
-            f' stroke-width="1.1" stroke-dasharray="5 3" marker-end="url(#{name}-head)"><title>{escape(title)}</title></path>'
+            f'<path class="link{" given" if name == "given" else ""}" '
+            f'd="{_rounded_path(corners)}" fill="none" stroke="{stroke}"'
+            ' stroke-width="1.1" stroke-dasharray="5 3" '
+            f'marker-end="url(#{name}-head)"><title>{escape(title)}</title></path>'
         )
 
 
@@ -297,7 +335,9 @@ def _rounded_path(corners: Sequence[Point]) -> str:
 
 
 def _point_towards(corner: Point, neighbour: Point) -> Point:
-    """A point near a corner on a vertical or horizontal line, never beyond the middle of the line."""
+    """A point near a corner on a vertical or horizontal line, never beyond the middle of the
+    line.
+    """
     dx, dy = neighbour[0] - corner[0], neighbour[1] - corner[1]
     length = abs(dx) + abs(dy)
     part = min(ROUND, length / 2) / length if length else 0
@@ -310,11 +350,13 @@ def _net_labels(picture: _ColumnPicture) -> Iterator[str]:
         x, anchor = (label.right, "end") if label.at_end else (label.left, "start")
         name, fill = ("given-label", GIVEN) if net.producer == INITIAL_STEP else ("label", LINK)
         yield (
-            f'<rect class="paper" x="{label.left:g}" y="{label.y - 9:g}" width="{label.right - label.left:g}"'
+            f'<rect class="paper" x="{label.left:g}" y="{label.y - 9:g}" '
+            f'width="{label.right - label.left:g}"'
             f' height="11.5" fill="{PAPER}"/>'
         )
         yield (
-            f'<text class="{name}" x="{x:g}" y="{label.y:g}" text-anchor="{anchor}" font-size="10" fill="{fill}">'
+            f'<text class="{name}" x="{x:g}" y="{label.y:g}" text-anchor="{anchor}" '
+            f'font-size="10" fill="{fill}">'
             f"{escape(net.label)}</text>"
         )
 
@@ -340,9 +382,13 @@ def _step_boxes(
         )
         for index, resource in enumerate(steps[step].resources if step in steps else ()):
             at, fill = left + 5 + index * BAR, fill_of[str(resource)]
-            yield f'<rect class="bar" x="{at:g}" y="{y + 5:g}" width="4" height="{HEIGHT - 10}" fill="{fill}"/>'
+            yield (
+                f'<rect class="bar" x="{at:g}" y="{y + 5:g}" width="4" height="{HEIGHT - 10}" '
+                f'fill="{fill}"/>'
+            )
         yield (
-            f'<text class="text" x="{picture.boxes.centre[step]:g}" y="{y + HEIGHT / 2 + 4:g}" text-anchor="middle"'
+            f'<text class="text" x="{picture.boxes.centre[step]:g}" y="{y + HEIGHT / 2 + 4:g}" '
+            'text-anchor="middle"'
             f' font-size="12" fill="{INK}">{sign}{escape(text)}</text></g>'
         )
 
@@ -351,7 +397,10 @@ def _resource_legend(fill_of: Mapping[str, str], x: float, y: float) -> Iterator
     """The legend of colours and resources."""
     for name, fill in fill_of.items():
         yield f'<rect x="{x:g}" y="{y - 10:g}" width="12" height="12" fill="{fill}"/>'
-        yield f'<text class="text" x="{x + 17:g}" y="{y:g}" font-size="12" fill="{INK}">{escape(name)}</text>'
+        yield (
+            f'<text class="text" x="{x + 17:g}" y="{y:g}" font-size="12" '
+            f'fill="{INK}">{escape(name)}</text>'
+        )
         x += len(name) * CHARACTER + 34
 
 

@@ -10,14 +10,21 @@ from cellwright.engine.formats.report.drawing.colour_palette import assign_colou
 from cellwright.engine.formats.report.drawing.plan_svg import INK, PAPER
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.tour_problem import Tour, TourProblem
-from cellwright.engine.stages.geometry.pictures.picture_notes import SIZE_PIXELS, PictureLabel, place_labels
+from cellwright.engine.stages.geometry.pictures.picture_notes import (
+    SIZE_PIXELS,
+    PictureLabel,
+    place_labels,
+)
 
-LONGEST, MARGIN, LINE = 860.0, 30.0, 18.0  # pixels: the longer side, the margin, a line of the legend
+# pixels: the longer side, the margin, a line of the legend
+LONGEST, MARGIN, LINE = 860.0, 30.0, 18.0
 MAX_NAMED_VISITS = 60  # visits that are named; of longer tours, the first and the last
 VISIT_RADIUS = 3.0  # radius of a visit
 TOOL_CHANGE_COLOUR = "#9a9fa8"  # ways on which the tool is changed
 MAX_FLAT_SHARE = (
-    0.5  # points lie in a plane if they spread across it less than this share of what they spread along it
+    # points lie in a plane if they spread across it less than this share of what they spread along
+    # it
+    0.5
 )
 LETTER_WIDTH = 6.5  # pixels of a letter, on average
 MAX_UPRIGHT_COSINE = 0.95  # the cosine of the steepest slope that is still seen from above
@@ -35,7 +42,10 @@ def draw_tour(tour: Tour, problem: TourProblem) -> str | None:
     caption = _tour_caption(len(visits), seen_from, problem.closed)
     at, (width, height) = _fit_to_picture(flat, head)
     size = max(width, round(2 * MARGIN + LETTER_WIDTH * len(caption))), height
-    ways = [*pairwise(range(len(at))), *([(len(at) - 1, 0)] if problem.closed and len(at) > 2 else [])]
+    ways = [
+        *pairwise(range(len(at))),
+        *([(len(at) - 1, 0)] if problem.closed and len(at) > 2 else []),
+    ]
     used = [visit.tool for visit in visits]
     body = [
         *_tool_legend(tools, used, caption),
@@ -43,16 +53,21 @@ def draw_tour(tour: Tour, problem: TourProblem) -> str | None:
             _way_line(at[a], at[b], tools[used[a]] if used[a] == used[b] else TOOL_CHANGE_COLOUR)
             for a, b in ways
         ),
-        *(_visit_circle(at[n], tools[visit.tool], n + 1, visit.name) for n, visit in enumerate(visits)),
+        *(
+            _visit_circle(at[n], tools[visit.tool], n + 1, visit.name)
+            for n, visit in enumerate(visits)
+        ),
         *_visit_names(at, [visit.name for visit in visits], size),
     ]
     return "\n".join([*_tour_opening(size), *body, "</svg>"]) + "\n"
 
 
 def _flat_positions(places: Floats) -> tuple[Floats, str]:
-    """Positions (n, 2 or 3) as coordinates (n, 2) to the right and up, and from where they are seen.
+    """Positions (n, 2 or 3) as coordinates (n, 2) to the right and up, and from where they are
+    seen.
 
-    Points that lie near an upright or slanting plane are seen along its normal, from the side of the origin.
+    Points that lie near an upright or slanting plane are seen along its normal, from the side of
+    the origin.
     """
     if places.shape[1] < 3:
         return places[:, :2], "x to the right, y upwards"
@@ -69,7 +84,9 @@ def _flat_positions(places: Floats) -> tuple[Floats, str]:
 
 
 def _fit_to_picture(flat: Floats, head: float) -> tuple[list[tuple[float, float]], tuple[int, int]]:
-    """Where points (n, 2) are in the picture below its head, and the size of the picture in pixels."""
+    """Where points (n, 2) are in the picture below its head, and the size of the picture in
+    pixels.
+    """
     low, span = flat.min(axis=0), np.ptp(flat, axis=0)
     scale = LONGEST / (float(span.max()) or 1.0)
     width, height = (max(extent * scale, LONGEST / 4) for extent in span)
@@ -83,11 +100,13 @@ def _fit_to_picture(flat: Floats, head: float) -> tuple[list[tuple[float, float]
 
 def _tour_opening(size: tuple[int, int]) -> Iterator[str]:
     yield (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size[0]} {size[1]}" width="{size[0]}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size[0]} {size[1]}" '
+        f'width="{size[0]}" '
         f'height="{size[1]}" font-family="sans-serif" font-size="{SIZE_PIXELS}">'
     )
     yield (
-        '<defs><marker id="to" viewBox="0 0 8 8" refX="4" refY="4" markerWidth="7" markerHeight="7" '
+        '<defs><marker id="to" viewBox="0 0 8 8" refX="4" refY="4" markerWidth="7" '
+        'markerHeight="7" '
         'orient="auto"><path d="M0 0L8 4L0 8z" fill="context-stroke"/></marker></defs>'
     )
     yield f'<rect width="100%" height="100%" fill="{PAPER}"/>'
@@ -114,7 +133,8 @@ def _way_line(start: tuple[float, float], end: tuple[float, float], colour: str)
     half = f"{(x + to_x) / 2:.1f} {(y + to_y) / 2:.1f}"
     dashes = ' stroke-dasharray="5 4"' if colour == TOOL_CHANGE_COLOUR else ""
     return (
-        f'<path class="way" d="M{x:.1f} {y:.1f}L{half}L{to_x:.1f} {to_y:.1f}" fill="none" stroke="{colour}"'
+        f'<path class="way" d="M{x:.1f} {y:.1f}L{half}L{to_x:.1f} {to_y:.1f}" fill="none" '
+        f'stroke="{colour}"'
         f'{dashes} marker-mid="url(#to)"/>'
     )
 
@@ -123,7 +143,8 @@ def _visit_circle(at: tuple[float, float], colour: str, number: int, name: str) 
     tooltip = escape(f"{number}: {name}")
     ring = f'stroke="{INK}" stroke-width="1.5"' if number == 1 else 'stroke="none"'
     return (
-        f'<circle class="visit" cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="{VISIT_RADIUS:g}" fill="{colour}" {ring}>'
+        f'<circle class="visit" cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="{VISIT_RADIUS:g}" '
+        f'fill="{colour}" {ring}>'
         f"<title>{tooltip}</title></circle>"
     )
 
@@ -152,7 +173,8 @@ def _visit_name(label: PictureLabel) -> Iterator[str]:
         yield f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{to_x:.1f}" y2="{to_y:.1f}" stroke="#999999"/>'
     x, y = label.at
     yield (
-        f'<text class="rim" x="{x:.1f}" y="{y:.1f}" stroke="{PAPER}" stroke-width="4" stroke-linejoin="round">'
+        f'<text class="rim" x="{x:.1f}" y="{y:.1f}" stroke="{PAPER}" stroke-width="4" '
+        'stroke-linejoin="round">'
         f"{escape(label.text)}</text>"
     )
     yield _picture_text(label.text, x, y)

@@ -53,7 +53,9 @@ def related_entries(relations: Iterable[Related]) -> list[dict[str, Any]]:
 
 
 def fits_text(fittings: Iterable[Fitting], between: Iterable[Related]) -> Text:
-    """Fits in sentences, and what is between them; what is uncertain with the half width of 95 %."""
+    """Fits in sentences, and what is between them; what is uncertain with the half width of 95
+    %.
+    """
     return Text(
         "\n".join(
             [line for fitting in fittings for line in _fit_lines(fitting)]
@@ -66,7 +68,8 @@ def _relation_text(relation: Related) -> str:
     sure = FIT_COVERAGE * relation.sigma
     if relation.what == "angle":
         return (
-            f"angle {relation.of} {np.degrees(relation.value):.4f} degrees to {np.degrees(sure):.2g} degrees"
+            f"angle {relation.of} {np.degrees(relation.value):.4f} degrees to "
+            f"{np.degrees(sure):.2g} degrees"
         )
     return f"{relation.what} {relation.of} {1e3 * relation.value:.4f} mm to {1e3 * sure:.2g} mm"
 
@@ -92,9 +95,14 @@ def _place_text(shape_fit: Fit) -> str:
     where = f"({', '.join(f'{1e3 * coordinate:.4f}' for coordinate in shape_fit.origin)}) mm"
     if shape_fit.shape in (FitShape.SPHERE, FitShape.CIRCLE):
         turned = (
-            shape_fit.T_world_shape[:3, :3] @ shape_fit.covariance[:3, :3] @ shape_fit.T_world_shape[:3, :3].T
+            shape_fit.T_world_shape[:3, :3]
+            @ shape_fit.covariance[:3, :3]
+            @ shape_fit.T_world_shape[:3, :3].T
         )
-        return f"centre {where} to ({', '.join(_half_width(deviation) for deviation in np.sqrt(np.diag(turned)))}) mm"
+        return (
+            f"centre {where} to "
+            f"({', '.join(_half_width(deviation) for deviation in np.sqrt(np.diag(turned)))}) mm"
+        )
     if shape_fit.shape is FitShape.PLANE:
         return f"point on it {where} to {_half_width(shape_fit.deviation('z'))} mm along its normal"
     across = float(np.sqrt(np.linalg.eigvalsh(shape_fit.covariance[:2, :2])[-1]))
@@ -109,9 +117,12 @@ def _size_lines(shape_fit: Fit) -> list[str]:
     lines = [_place_text(shape_fit)]
     if shape_fit.shape is not FitShape.SPHERE:
         name = "normal" if shape_fit.shape in (FitShape.PLANE, FitShape.CIRCLE) else "axis"
-        tilt = np.degrees(FIT_COVERAGE * max(shape_fit.deviation("tilt_x"), shape_fit.deviation("tilt_y")))
+        tilt = np.degrees(
+            FIT_COVERAGE * max(shape_fit.deviation("tilt_x"), shape_fit.deviation("tilt_y"))
+        )
         lines.append(
-            f"{name} ({', '.join(f'{component:.5f}' for component in shape_fit.axis)}) to {tilt:.2g} degrees"
+            f"{name} ({', '.join(f'{component:.5f}' for component in shape_fit.axis)}) to "
+            f"{tilt:.2g} degrees"
         )
     if shape_fit.shape is not FitShape.PLANE:
         sure = 2e3 * FIT_COVERAGE * shape_fit.deviation("radius")
@@ -119,15 +130,21 @@ def _size_lines(shape_fit: Fit) -> list[str]:
         lines.append(f"{diameter_word} {2e3 * shape_fit.radius_m:.4f} mm to {sure:.2g} mm")
     if shape_fit.shape is FitShape.CONE:
         sure = np.degrees(FIT_COVERAGE * shape_fit.deviation("angle"))
-        lines.append(f"half angle {np.degrees(shape_fit.angle_rad):.3f} degrees to {sure:.2g} degrees")
+        lines.append(
+            f"half angle {np.degrees(shape_fit.angle_rad):.3f} degrees to {sure:.2g} degrees"
+        )
     return lines
 
 
 ALIGNMENT_COVERAGE = 2.0  # standard deviations
 
 
-def alignment_entry(alignment: Aligning, names: Sequence[str], places: Sequence[Triple]) -> dict[str, Any]:
-    """An alignment as plain values; `places` are the points of the part whose uncertainty is told."""
+def alignment_entry(
+    alignment: Aligning, names: Sequence[str], places: Sequence[Triple]
+) -> dict[str, Any]:
+    """An alignment as plain values; `places` are the points of the part whose uncertainty is
+    told.
+    """
     if not isinstance(alignment, Alignment):
         return {"reason": alignment.reason, "wrong": list(alignment.off)}
     return {
@@ -143,7 +160,9 @@ def alignment_entry(alignment: Aligning, names: Sequence[str], places: Sequence[
     }
 
 
-def alignment_text(alignment: Aligning, names: Sequence[str], places: Sequence[Triple], file: str) -> Text:
+def alignment_text(
+    alignment: Aligning, names: Sequence[str], places: Sequence[Triple], file: str
+) -> Text:
     """An alignment in sentences."""
     if not isinstance(alignment, Alignment):
         return Text(f"no alignment: {alignment.reason}")
@@ -152,8 +171,10 @@ def alignment_text(alignment: Aligning, names: Sequence[str], places: Sequence[T
     turn = np.degrees(rotation_vector(T[:3, :3]))
     sure = 1e3 * ALIGNMENT_COVERAGE * float(alignment.sigma_at(np.array(places)).max())
     lines = [
-        f"the part is shifted by ({_three_decimals(shift)}) mm and turned by ({_three_decimals(turn)}) degrees",
-        f"its points are known to {sure:.2g} mm, its turn to {np.degrees(ALIGNMENT_COVERAGE * alignment.turn_sigma_rad):.2g} degrees",
+        f"the part is shifted by ({_three_decimals(shift)}) mm and turned by "
+        f"({_three_decimals(turn)}) degrees",
+        f"its points are known to {sure:.2g} mm, its turn to "
+        f"{np.degrees(ALIGNMENT_COVERAGE * alignment.turn_sigma_rad):.2g} degrees",
         f"{alignment.used.sum()} of {len(names)} datums agree",
     ]
     lines += [
@@ -161,7 +182,9 @@ def alignment_text(alignment: Aligning, names: Sequence[str], places: Sequence[T
         for name, used, off in zip(names, alignment.used, alignment.off, strict=True)
         if not used
     ]
-    return Text("\n".join([*lines, *([f"{file}: the problem with its points moved"] if file else [])]))
+    return Text(
+        "\n".join([*lines, *([f"{file}: the problem with its points moved"] if file else [])])
+    )
 
 
 def _three_decimals(v: Any) -> str:

@@ -24,22 +24,34 @@ from cellwright.engine.model.vision import (
 from cellwright.engine.pipelines.motion.measured_surface import MeasuredSurface
 
 NO_ANSWER_COLOUR = (70, 90, 160)
-EDGE_COLOURS = {EdgeKind.STEP: (230, 60, 40), EdgeKind.ROOF: (250, 210, 40), EdgeKind.CREASE: (60, 200, 90)}
+EDGE_COLOURS = {
+    EdgeKind.STEP: (230, 60, 40),
+    EdgeKind.ROOF: (250, 210, 40),
+    EdgeKind.CREASE: (60, 200, 90),
+}
 PATCH_FRAME_COLOUR = (240, 120, 240)
 
 
 def range_image_png(
-    image: RangeImage, edges: EdgeImage | None = None, windows: Mapping[str, PixelWindow] | None = None
+    image: RangeImage,
+    edges: EdgeImage | None = None,
+    windows: Mapping[str, PixelWindow] | None = None,
 ) -> bytes:
-    """The PNG of an image: near is light, blue has no answer; steps are red, roofs yellow, creases green, patches framed."""
+    """The PNG of an image: near is light, blue has no answer; steps are red, roofs yellow,
+    creases green, patches framed.
+    """
     seen = image.range_m > 0
     low, high = (
-        (float(x) for x in np.percentile(image.range_m[seen], (0.5, 99.5))) if seen.any() else (0.0, 1.0)
+        (float(x) for x in np.percentile(image.range_m[seen], (0.5, 99.5)))
+        if seen.any()
+        else (0.0, 1.0)
     )
-    grey = (235 - 200 * np.clip((image.range_m - low) / max(high - low, 1e-6), 0, 1)).astype(np.uint8)
-    shown = np.where(seen[..., None], grey[..., None], np.array(NO_ANSWER_COLOUR, dtype=np.uint8)).astype(
+    grey = (235 - 200 * np.clip((image.range_m - low) / max(high - low, 1e-6), 0, 1)).astype(
         np.uint8
     )
+    shown = np.where(
+        seen[..., None], grey[..., None], np.array(NO_ANSWER_COLOUR, dtype=np.uint8)
+    ).astype(np.uint8)
     for kind, colour in EDGE_COLOURS.items() if edges is not None else ():
         shown[edges.on(kind)] = colour  # type: ignore[union-attr]
     larger = max(1, 512 // max(image.tool.width, image.tool.height))
@@ -63,7 +75,9 @@ def range_image_line(image: RangeImage) -> str:
     if not seen.any():
         return f"{size}, none with an answer"
     kind = "ranges modulo half the wavelength" if image.wrapped else "ranges"
-    low, high = (1e3 * float(range_limit) for range_limit in np.percentile(image.range_m[seen], (1, 99)))
+    low, high = (
+        1e3 * float(range_limit) for range_limit in np.percentile(image.range_m[seen], (1, 99))
+    )
     return f"{size}, {seen.mean():.1%} with an answer; {kind} from {low:.1f} to {high:.1f} mm"
 
 
@@ -74,10 +88,13 @@ def surface_text(surface: MeasuredSurface) -> Text:
     size = f"{window.right - window.left} x {window.bottom - window.top} pixels"
     lines = [f"{surface.name} with {surface.poses.tool}{where}: {range_image_line(surface.image)}"]
     lines += _missing_knowledge(surface.image)
-    lines.append(f"patch of {size}, expected to tell the surface to {_sigma_text(surface.expected_m)}")
+    lines.append(
+        f"patch of {size}, expected to tell the surface to {_sigma_text(surface.expected_m)}"
+    )
     if isinstance(surface.fit, Fit):
         lines.append(
-            f"the surface is {1e3 * surface.off_m:+.4f} mm from its nominal place, to {_sigma_text(surface.sigma_m)};"
+            f"the surface is {1e3 * surface.off_m:+.4f} mm from its nominal place, to "
+            f"{_sigma_text(surface.sigma_m)};"
             " where the arm holds the tool is taken as exact"
         )
     else:
@@ -112,23 +129,39 @@ def dimensions_text(
 ) -> Text:
     """An image, fits in it by name, and what is between them, in sentences."""
     counts = [f"{int(edges.on(kind).sum())} on {kind.name.lower()}s" for kind in EDGE_COLOURS]
-    lines = [range_image_line(image), *_missing_knowledge(image), f"pixels at edges: {', '.join(counts)}"]
+    lines = [
+        range_image_line(image),
+        *_missing_knowledge(image),
+        f"pixels at edges: {', '.join(counts)}",
+    ]
     for name, fitting in fittings.items():
         fit_text = fit_report.fits_text([fitting], ()).plain.replace(
             "as far as --noise says", "as far as the image says"
         )
-        fit_text = fit_text.replace("times as far as --noise says", "times as far as the image says")
-        lines += [f"{name}: {fit_text.splitlines()[0]}", *(f"  {line}" for line in fit_text.splitlines()[1:])]
+        fit_text = fit_text.replace(
+            "times as far as --noise says", "times as far as the image says"
+        )
+        lines += [
+            f"{name}: {fit_text.splitlines()[0]}",
+            *(f"  {line}" for line in fit_text.splitlines()[1:]),
+        ]
     for names, related in between.items():
-        lines += [f"{names}: {line}" for line in fit_report.fits_text([], related).plain.splitlines()]
+        lines += [
+            f"{names}: {line}" for line in fit_report.fits_text([], related).plain.splitlines()
+        ]
         lines += [f"{names}: nothing can be told between these shapes"] if not related else []
     return Text("\n".join(lines))
 
 
 def _missing_knowledge(image: RangeImage) -> list[str]:
     """What a depth image does not tell."""
-    notes = ["strengths are not known: they are taken from distance and slope"] if image.guessed else []
-    rounded = f"depths are rounded to {1e3 * image.step_m:.3g} mm: what was rounded alike counts as one value"
+    notes = (
+        ["strengths are not known: they are taken from distance and slope"] if image.guessed else []
+    )
+    rounded = (
+        f"depths are rounded to {1e3 * image.step_m:.3g} mm: what was rounded alike counts as "
+        "one value"
+    )
     return [*notes, *([rounded] if image.step_m else [])]
 
 
@@ -144,9 +177,13 @@ def dimensions_content(
         "strength_known": not image.guessed,
         "rounded_to": image.step_m,
         "fits": {name: fit_report.fit_entry(fitting) for name, fitting in fittings.items()},
-        "between": {name: fit_report.related_entries(relations) for name, relations in between.items()},
+        "between": {
+            name: fit_report.related_entries(relations) for name, relations in between.items()
+        },
         "edges": {kind.name.lower(): int(edges.on(kind).sum()) for kind in EDGE_COLOURS},
-        "refused": sorted(name for name, fitting in fittings.items() if not isinstance(fitting, Fit)),
+        "refused": sorted(
+            name for name, fitting in fittings.items() if not isinstance(fitting, Fit)
+        ),
     }
 
 
@@ -164,9 +201,15 @@ def _recognition_lines(recognition: Recognised) -> Iterator[str]:
             if len(unclear.parts) > 1
             else _further_text(unclear.parts[0])
         )
-        yield f"{either}, {_sight_place(unclear.sights[0])}: {unclear.sights[0].shown:.0%} of it is seen"
+        yield (
+            f"{either}, {_sight_place(unclear.sights[0])}: {unclear.sights[0].shown:.0%} of it "
+            "is seen"
+        )
     for unexplained in recognition.unexplained:
-        yield f"no part that is looked for, {_point_text(unexplained.middle_m)}: {count_noun(unexplained.pixels, 'pixel')}, {_unexplained_frame(unexplained)}"
+        yield (
+            f"no part that is looked for, {_point_text(unexplained.middle_m)}: "
+            f"{count_noun(unexplained.pixels, 'pixel')}, {_unexplained_frame(unexplained)}"
+        )
     for name, why in recognition.missing.items():
         yield f"{name} is not found: {why}"
 
@@ -177,7 +220,10 @@ def _further_text(part: str) -> str:
 
 def _part_lines(named_part: NamedPart) -> Iterator[str]:
     best = named_part.best
-    yield f"{best.part}, {_sight_place(best)}: by {count_noun(best.faces, 'face')}, {best.shown:.0%} of it is seen"
+    yield (
+        f"{best.part}, {_sight_place(best)}: by {count_noun(best.faces, 'face')}, "
+        f"{best.shown:.0%} of it is seen"
+    )
     if len(named_part.equivalent) > 1:
         yield f"  it is symmetric: {len(named_part.equivalent)} poses look the same"
     if len(named_part.poses) > 1:
@@ -208,11 +254,18 @@ def recognition_content(recognition: Recognised) -> dict[str, Any]:
             }
             for named_part in recognition.named
         ],
-        "unclear": [[_sight_entry(sight) for sight in unclear.sights] for unclear in recognition.unclear],
+        "unclear": [
+            [_sight_entry(sight) for sight in unclear.sights] for unclear in recognition.unclear
+        ],
         "unexplained": [
             {
                 "pixels": region.pixels,
-                "frame": [region.window.left, region.window.top, region.window.right, region.window.bottom],
+                "frame": [
+                    region.window.left,
+                    region.window.top,
+                    region.window.right,
+                    region.window.bottom,
+                ],
                 "middle": list(region.middle_m),
             }
             for region in recognition.unexplained

@@ -55,7 +55,10 @@ def sequence_entry(progress: SequenceProgress) -> dict[str, Any]:
     """A sequence, for JSON. Its costs are those of the rest, from the last visit that is done."""
     tour = progress.tour
     if (shared := shared_of(progress)) is not None:
-        return {**_rest_entry(progress), **tour_report.shares_entry(shared, bound=progress.way != "kept")}
+        return {
+            **_rest_entry(progress),
+            **tour_report.shares_entry(shared, bound=progress.way != "kept"),
+        }
     return {
         **_rest_entry(progress),
         "cost": tour.cost,
@@ -107,7 +110,9 @@ def shared_of(progress: SequenceProgress) -> "SharedMeasurements | None":
 def ahead_of(progress: SequenceProgress) -> Mapping[str, PlannedVisit]:
     """The next visit of each arm that has one left; empty if there is one arm alone."""
     arms = dict.fromkeys(visit.arm for visit in progress.plan.rest if visit.arm)
-    return {arm: next(visit for visit in progress.plan.rest if visit.arm == arm) for arm in sorted(arms)}
+    return {
+        arm: next(visit for visit in progress.plan.rest if visit.arm == arm) for arm in sorted(arms)
+    }
 
 
 def changes_entry(progress: SequenceProgress) -> dict[str, Any]:
@@ -123,7 +128,9 @@ def changes_entry(progress: SequenceProgress) -> dict[str, Any]:
 
 
 def sequence_text(progress: SequenceProgress) -> RenderableType:
-    """The rest as runs with one tool each, the visits that are left out and why, and the changes."""
+    """The rest as runs with one tool each, the visits that are left out and why, and the
+    changes.
+    """
     plan = progress.plan
     shown: list[RenderableType] = [Text(line) for line in _change_texts(progress)]
     if (shared := shared_of(progress)) is not None:
@@ -131,7 +138,9 @@ def sequence_text(progress: SequenceProgress) -> RenderableType:
     elif plan.rest:
         shown.append(tours.tour_text(progress.tour, progress.problem))
     if plan.done:
-        where = "each arm goes on at its last one" if shared else "the tour begins at the last of them"
+        where = (
+            "each arm goes on at its last one" if shared else "the tour begins at the last of them"
+        )
         ahead = f" ({where})" if plan.rest else ""
         shown.append(Text(f"{len(plan.done)} done{ahead}"))
     shown += [Text(f"lost: {name}") for name in plan.lost]
@@ -166,9 +175,13 @@ def _change_texts(progress: SequenceProgress) -> list[str]:
             "added": len(progress.added),
             "dropped": len(progress.dropped),
         }
-        lines[0] += ": " + ", ".join(f"{count} {change_kind}" for change_kind, count in counts.items())
+        lines[0] += ": " + ", ".join(
+            f"{count} {change_kind}" for change_kind, count in counts.items()
+        )
         lines += [f"  > {name}: {old} -> {new}" for name, (old, new) in progress.moved.items()]
         lines += [f"  + {name}" for name in progress.added]
     lines += [f"not all windows can be kept: {progress.unkept}"] if progress.unkept else []
     lines += [f"  - {name}: {why}" for name, why in progress.dropped.items()]
-    return lines + [f"  ! {name} is done, but the problem has changed it since" for name in progress.outdated]
+    return lines + [
+        f"  ! {name} is done, but the problem has changed it since" for name in progress.outdated
+    ]

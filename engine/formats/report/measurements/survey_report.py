@@ -13,7 +13,8 @@ from cellwright.engine.model.answer_wording import count_noun
 from cellwright.engine.model.verdicts import MeasuredFeature, Survey
 from cellwright.kb.model.measured_results import Results
 
-NOTED_VERDICTS = ("not conforming", "undecided", "doubtful", "failed")  # verdicts that are listed one by one
+# verdicts that are listed one by one
+NOTED_VERDICTS = ("not conforming", "undecided", "doubtful", "failed")
 MAX_SURVEY_ROWS = 40
 REPEATED_HEAD = ("measured again", "because", "values that count", "so it is")
 
@@ -22,7 +23,9 @@ def survey_entry(survey: Survey) -> dict[str, Any]:
     """A survey as plain values."""
     return {
         "features": [_feature_entry(feature) for feature in survey.features],
-        "not_measured": [{"name": missing.name, "why": missing.why} for missing in survey.unmeasured],
+        "not_measured": [
+            {"name": missing.name, "why": missing.why} for missing in survey.unmeasured
+        ],
         "verdicts": survey.counts(),
         "part": list(survey.part),
         "wrong_datums": list(survey.wrong),
@@ -31,7 +34,18 @@ def survey_entry(survey: Survey) -> dict[str, Any]:
 
 
 def _feature_entry(feature: MeasuredFeature) -> dict[str, Any]:
-    names = ("of", "quantity", "unit", "nominal", "lower", "upper", "risk", "value", "uncertainty", "doubt")
+    names = (
+        "of",
+        "quantity",
+        "unit",
+        "nominal",
+        "lower",
+        "upper",
+        "risk",
+        "value",
+        "uncertainty",
+        "doubt",
+    )
     bad = [
         {"value": bad_value.value, "tool": bad_value.tool, "at_ms": bad_value.at_ms, "why": why}
         for bad_value, why in feature.bad
@@ -57,9 +71,13 @@ def _survey_parts(survey: Survey) -> Iterator[RenderableType]:
     yield Text(survey_summary(survey))
     if alignment_text := alignment_sentence(survey):
         yield Text(alignment_text)
-    rows = [_feature_row(feature) for feature in survey.features if feature.judged in NOTED_VERDICTS]
+    rows = [
+        _feature_row(feature) for feature in survey.features if feature.judged in NOTED_VERDICTS
+    ]
     if rows:
-        yield TextTable(("feature", "quantity", "value", "from", "to", "verdict", ""), rows[:MAX_SURVEY_ROWS])
+        yield TextTable(
+            ("feature", "quantity", "value", "from", "to", "verdict", ""), rows[:MAX_SURVEY_ROWS]
+        )
         yield from _more_line(len(rows))
     again = repeated_rows(survey)
     if again:
@@ -82,23 +100,33 @@ def _survey_parts(survey: Survey) -> Iterator[RenderableType]:
 
 
 def repeated_rows(survey: Survey) -> list[tuple[str, ...]]:
-    """What was measured again, a row for each feature: its name, why, the values that count with their tools, the verdict."""
+    """What was measured again, a row for each feature: its name, why, the values that count
+    with their tools, the verdict.
+    """
     return [_repeated_row(feature) for feature in survey.features if feature.again]
 
 
 def _repeated_row(feature: MeasuredFeature) -> tuple[str, ...]:
-    times = "" if len(feature.again) == 1 else f" ({len(feature.again)} times; this was the last reason)"
+    times = (
+        ""
+        if len(feature.again) == 1
+        else f" ({len(feature.again)} times; this was the last reason)"
+    )
     return feature.of, feature.again[-1] + times, by_tools(feature), feature.judged
 
 
 def by_tools(feature: MeasuredFeature) -> str:
     """The values of a feature that count, each with its tool."""
-    return ", ".join(f"{_value_text(value.value, value.unit)} by {value.tool}" for value in feature.values)
+    return ", ".join(
+        f"{_value_text(value.value, value.unit)} by {value.tool}" for value in feature.values
+    )
 
 
 def _more_line(count: int) -> Iterator[RenderableType]:
     if count > MAX_SURVEY_ROWS:
-        yield Text(f"... and {count - MAX_SURVEY_ROWS} more: --format json and the report in HTML list all")
+        yield Text(
+            f"... and {count - MAX_SURVEY_ROWS} more: --format json and the report in HTML list all"
+        )
 
 
 def survey_summary(survey: Survey) -> str:
@@ -106,7 +134,10 @@ def survey_summary(survey: Survey) -> str:
     counts_text = ", ".join(f"{count} {name}" for name, count in survey.counts().items())
     bad = sum(len(feature.bad) for feature in survey.features)
     bad_text = f"; {count_noun(bad, 'bad value')} left out" if bad else ""
-    return f"{count_noun(len(survey.features) + len(survey.unmeasured), 'feature')}: {counts_text}{bad_text}"
+    return (
+        f"{count_noun(len(survey.features) + len(survey.unmeasured), 'feature')}: "
+        f"{counts_text}{bad_text}"
+    )
 
 
 def alignment_sentence(survey: Survey) -> str:
@@ -117,12 +148,24 @@ def alignment_sentence(survey: Survey) -> str:
         return ""
     shift = ", ".join(f"{1e3 * survey.part[n]:.3f}" for n in (3, 7, 11))
     wrong_text = f"; wrong: {', '.join(survey.wrong)}" if survey.wrong else ""
-    return f"the part lay ({shift}) mm beside its model, by {count_noun(survey.datums, 'datum')}{wrong_text}"
+    return (
+        f"the part lay ({shift}) mm beside its model, by "
+        f"{count_noun(survey.datums, 'datum')}{wrong_text}"
+    )
 
 
 def _feature_row(feature: MeasuredFeature) -> tuple[str, ...]:
-    limits = tuple("" if value is None else f"{value:g}" for value in (feature.lower, feature.upper))
-    return (feature.of, feature.quantity, feature_value(feature), *limits, feature.judged, feature.doubt)
+    limits = tuple(
+        "" if value is None else f"{value:g}" for value in (feature.lower, feature.upper)
+    )
+    return (
+        feature.of,
+        feature.quantity,
+        feature_value(feature),
+        *limits,
+        feature.judged,
+        feature.doubt,
+    )
 
 
 def feature_value(feature: MeasuredFeature) -> str:
@@ -139,7 +182,8 @@ def _value_text(value: float, unit: str) -> str:
 
 VERDICT_COLOURS = {
     "conforming": "#2a9d5c", "passed": "#2a9d5c", "not conforming": "#d1382f", "failed": "#d1382f",
-    "undecided": "#e0a100", "doubtful": "#8e44ad", "not judged": "#4a7ab5", "not measured": "#999999",
+    "undecided": "#e0a100", "doubtful": "#8e44ad", "not "
+    "judged": "#4a7ab5", "not measured": "#999999",
 }  # fmt: skip
 PART_VIEWS = (("x", "y", 0, 1), ("x", "z", 0, 2), ("y", "z", 1, 2))
 WIDTH, MARGIN, LEAST = 860.0, 30.0, 40.0
@@ -163,7 +207,9 @@ class _FeatureDot:
 
 
 def survey_html(results: Results, survey: Survey) -> str:
-    """The report of a run. Every text in it is escaped, and nothing in it is fetched from elsewhere."""
+    """The report of a run. Every text in it is escaped, and nothing in it is fetched from
+    elsewhere.
+    """
     name = escape(results.run)
     return "\n".join(
         [
@@ -172,7 +218,11 @@ def survey_html(results: Results, survey: Survey) -> str:
             f"<title>Inspection {name}</title><style>{SURVEY_STYLE}</style></head><body>",
             f"<h1>Inspection {name}</h1>",
             f"<p>{escape(results.started)}</p><p>{escape(survey_summary(survey))}</p>",
-            *([f"<p>{escape(alignment_text)}</p>"] if (alignment_text := alignment_sentence(survey)) else []),
+            *(
+                [f"<p>{escape(alignment_text)}</p>"]
+                if (alignment_text := alignment_sentence(survey))
+                else []
+            ),
             *_verdict_legend(survey),
             *_part_pictures(survey),
             *_features_html(survey),
@@ -203,7 +253,9 @@ def _part_pictures(survey: Survey) -> Iterator[str]:
     for across, up, u, v in PART_VIEWS:
         dots = [
             _FeatureDot(
-                (survey.places[name][u], survey.places[name][v]), verdict, f"{name}: {verdict}, {dot_note}"
+                (survey.places[name][u], survey.places[name][v]),
+                verdict,
+                f"{name}: {verdict}, {dot_note}",
             )
             for name, verdict, dot_note in verdicts
             if name in survey.places
@@ -220,7 +272,9 @@ def _dots_span(dots: Sequence[_FeatureDot], axis: int) -> float:
 
 
 def _part_picture(dots: Sequence[_FeatureDot]) -> str:
-    """The longer side of the part goes across; what is good is drawn first, so that it hides nothing."""
+    """The longer side of the part goes across; what is good is drawn first, so that it hides
+    nothing.
+    """
     wide, tall = (0, 1) if _dots_span(dots, 0) >= _dots_span(dots, 1) else (1, 0)
     low = [min(dot.at[axis] for dot in dots) for axis in (0, 1)]
     scale = (WIDTH - 2 * MARGIN) / _dots_span(dots, wide)
@@ -228,13 +282,16 @@ def _part_picture(dots: Sequence[_FeatureDot]) -> str:
     drawn, order = [], list(VERDICT_COLOURS)
     for dot_entry in sorted(
         dots,
-        key=lambda shown_dot: order.index(shown_dot.verdict) if shown_dot.verdict in VERDICT_COLOURS else 0,
+        key=lambda shown_dot: (
+            order.index(shown_dot.verdict) if shown_dot.verdict in VERDICT_COLOURS else 0
+        ),
     ):
         x = MARGIN + scale * (dot_entry.at[wide] - low[wide])
         y = height - MARGIN - scale * (dot_entry.at[tall] - low[tall])
         colour, dot_text = VERDICT_COLOURS.get(dot_entry.verdict, "#000000"), escape(dot_entry.told)
         drawn.append(
-            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{colour}"><title>{dot_text}</title></circle>'
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" '
+            f'fill="{colour}"><title>{dot_text}</title></circle>'
         )
     box = f"0 0 {WIDTH:.0f} {height:.0f}"
     return f'<svg viewBox="{box}" width="{WIDTH:.0f}" role="img">{"".join(drawn)}</svg>'
@@ -248,16 +305,29 @@ def _features_html(survey: Survey) -> Iterator[str]:
 
 def _feature_html_row(feature: MeasuredFeature) -> tuple[str, ...]:
     numbers = (
-        "" if value is None else f"{value:g}" for value in (feature.nominal, feature.lower, feature.upper)
+        "" if value is None else f"{value:g}"
+        for value in (feature.nominal, feature.lower, feature.upper)
     )
-    cells = (feature.of, feature.quantity, feature_value(feature), *numbers, str(len(feature.values)))
-    return (*map(escape, cells), _verdict_dot(feature.judged) + escape(feature.judged), escape(feature.doubt))
+    cells = (
+        feature.of,
+        feature.quantity,
+        feature_value(feature),
+        *numbers,
+        str(len(feature.values)),
+    )
+    return (
+        *map(escape, cells),
+        _verdict_dot(feature.judged) + escape(feature.judged),
+        escape(feature.doubt),
+    )
 
 
 def _repeated_html(survey: Survey) -> Iterator[str]:
     if rows := repeated_rows(survey):
         yield "<h2>Measured again</h2>"
-        yield _html_table(("feature", *REPEATED_HEAD[1:]), (tuple(map(escape, row)) for row in rows))
+        yield _html_table(
+            ("feature", *REPEATED_HEAD[1:]), (tuple(map(escape, row)) for row in rows)
+        )
 
 
 def _left_out(survey: Survey) -> Iterator[str]:

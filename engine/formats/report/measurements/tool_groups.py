@@ -14,7 +14,9 @@ from cellwright.engine.model.tour_problem import PoseProblem, Tour
 
 
 class ToolGroups(Protocol):
-    """The measurements by tool, those that are done, and those that are impossible, with the reasons."""
+    """The measurements by tool, those that are done, and those that are impossible, with the
+    reasons.
+    """
 
     @property
     def groups(self) -> Mapping[str, tuple[str, ...]]: ...
@@ -44,7 +46,9 @@ def posed_entry(posed_tour: PosedToolTour) -> dict[str, Any]:
     return {
         "tool": posed_tour.tool,
         "arm": posed_tour.arm,
-        "visits": [posed_tour.problem.visits[visit_index].name for visit_index in posed_tour.tour.order],
+        "visits": [
+            posed_tour.problem.visits[visit_index].name for visit_index in posed_tour.tour.order
+        ],
         "configurations": np.round(posed_tour.configurations, 6).tolist(),
         "cost": posed_tour.tour.cost,
         "unit": "µs",
@@ -73,7 +77,9 @@ class DrivenToolTour(Protocol):
 
 
 def driven_entry(driven_tour: DrivenToolTour) -> dict[str, Any]:
-    """A tour by the times of free paths, for JSON, in seconds; each move leads from its visit to the next one."""
+    """A tour by the times of free paths, for JSON, in seconds; each move leads from its visit
+    to the next one.
+    """
     return {
         "tool": driven_tour.posed.tool,
         "arm": driven_tour.posed.arm,
@@ -87,14 +93,26 @@ def driven_entry(driven_tour: DrivenToolTour) -> dict[str, Any]:
 
 
 def driven_text(tours: Sequence[DrivenToolTour], partition: ToolGroups) -> RenderableType:
-    """The tours by tool, how long they take, and by how much the times of their moves may be too long."""
+    """The tours by tool, how long they take, and by how much the times of their moves may be
+    too long.
+    """
     rows = [
-        (tour.posed.tool, tour.posed.arm, f"{tour.time_s:.2f}", f"{tour.bound_s:.2f}", ", ".join(tour.visits))
+        (
+            tour.posed.tool,
+            tour.posed.arm,
+            f"{tour.time_s:.2f}",
+            f"{tour.bound_s:.2f}",
+            ", ".join(tour.visits),
+        )
         for tour in tours
     ]
-    left_out = [Text(f"{name} is left out: {why}") for tour in tours for name, why in tour.unreached.items()]
+    left_out = [
+        Text(f"{name} is left out: {why}") for tour in tours for name, why in tour.unreached.items()
+    ]
     table = TextTable(("tool", "arm", "s", "at least", "in order"), rows)
-    times_note = Text("The times are those of free paths; no path takes less than 'at least' in this order.")
+    times_note = Text(
+        "The times are those of free paths; no path takes less than 'at least' in this order."
+    )
     return Group(tool_groups_text(partition), table, times_note, *left_out)
 
 
@@ -117,7 +135,9 @@ def tool_groups_entry(partition: ToolGroups) -> dict[str, Any]:
 
 
 def tool_groups_text(partition: ToolGroups, title: str = "") -> RenderableType:
-    """The number of measurements by each tool, and the number of impossible ones for each reason."""
+    """The number of measurements by each tool, and the number of impossible ones for each
+    reason.
+    """
     rows = [(str(len(names)), tool) for tool, names in partition.groups.items()]
     rows += [(str(len(partition.done)), "done")] if partition.done else []
     impossible = sorted(Counter(partition.impossible.values()).items())

@@ -7,7 +7,13 @@ from rich.text import Text
 
 from cellwright.engine.formats.report.text_tables import TextTable
 from cellwright.engine.model.answer_wording import count_noun
-from cellwright.engine.model.tour_problem import ENDLESS_WINDOW, Tour, TourProblem, slack_of, times_of
+from cellwright.engine.model.tour_problem import (
+    ENDLESS_WINDOW,
+    Tour,
+    TourProblem,
+    slack_of,
+    times_of,
+)
 from cellwright.engine.pipelines.inspection.tool_tours import TourVisits
 
 if TYPE_CHECKING:
@@ -60,12 +66,22 @@ def visit_times(tour: Tour, problem: TourProblem) -> list[dict[str, Any]]:
     """For each visit in order: when the arm arrives, begins and ends, its window, and its slack."""
     time_entries = []
     slacks = slack_of(problem, tour.order)
-    for at, (arrives, begins), slack in zip(tour.order, times_of(problem, tour.order), slacks, strict=True):
+    for at, (arrives, begins), slack in zip(
+        tour.order, times_of(problem, tour.order), slacks, strict=True
+    ):
         visit = problem.visits[at]
         ends = begins + visit.duration
-        row: dict[str, Any] = {"visit": visit.name, "arrives": arrives, "begins": begins, "ends": ends}
+        row: dict[str, Any] = {
+            "visit": visit.name,
+            "arrives": arrives,
+            "begins": begins,
+            "ends": ends,
+        }
         if visit.window is not None:
-            row["window"] = [visit.window[0], None if visit.window[1] >= ENDLESS_WINDOW else visit.window[1]]
+            row["window"] = [
+                visit.window[0],
+                None if visit.window[1] >= ENDLESS_WINDOW else visit.window[1],
+            ]
         time_entries.append(row | {"slack": slack if slack < ENDLESS_WINDOW // 2 else None})
     return time_entries
 
@@ -93,13 +109,19 @@ def _window_text(ends: list[int | None] | None) -> str:
 
 
 def time_entry(time: int | None, unit: str) -> dict[str, Any]:
-    """How long the ways of a tour between visits by the same tool take, for JSON; empty if no travel is declared."""
+    """How long the ways of a tour between visits by the same tool take, for JSON; empty if no
+    travel is declared.
+    """
     return {} if time is None else {"travel_time": time, "time_unit": unit}
 
 
 def time_text(time: int | None, unit: str) -> list[RenderableType]:
     """The same for people."""
-    return [] if time is None else [Text(f"the ways between visits by the same tool take {time} {unit}")]
+    return (
+        []
+        if time is None
+        else [Text(f"the ways between visits by the same tool take {time} {unit}")]
+    )
 
 
 def tour_summary(tour: Tour, problem: TourProblem) -> str:
@@ -135,7 +157,9 @@ def visits_tour_content(answer: Tour, tour_visits: TourVisits) -> dict[str, Any]
     if tour_visits.parts is not None:
         tour_data["partition"] = tool_groups.tool_groups_entry(tour_visits.parts)
     if tour_visits.problem is not None:
-        tour_data |= time_entry(_visits_time(answer, tour_visits), tour_visits.problem.domain.time_unit)
+        tour_data |= time_entry(
+            _visits_time(answer, tour_visits), tour_visits.problem.domain.time_unit
+        )
     return tour_data
 
 
@@ -167,7 +191,11 @@ MAX_SHARE_VISITS = 12  # measurements of one arm that are named
 
 
 def shares_entry(arm_shares: "SharedMeasurements", bound: bool = True) -> dict[str, Any]:
-    """The shares, for JSON, with the `bound` if it is known. Times are in the unit that is given: a unit of time, or micrometres where nobody knows how fast arms are."""
+    """The shares, for JSON, with the `bound` if it is known.
+
+    Times are in the unit that is given: a unit of time, or micrometres where nobody knows how fast
+    arms are.
+    """
     return {
         "arms": {
             arm: {
@@ -187,7 +215,9 @@ def shares_entry(arm_shares: "SharedMeasurements", bound: bool = True) -> dict[s
 
 
 def shares_text(arm_shares: "SharedMeasurements", listed: bool = True) -> RenderableType:
-    """A table of the arms with their measurements in order, if they are to be `listed`, and a summary."""
+    """A table of the arms with their measurements in order, if they are to be `listed`, and a
+    summary.
+    """
     shares = arm_shares.shares
     rows = []
     for arm, own in shares.orders.items():
@@ -197,7 +227,9 @@ def shares_text(arm_shares: "SharedMeasurements", listed: bool = True) -> Render
             else ""
         )
         busy = f"{arm_shares.lasts(shares.busy[arm])}"
-        rows.append((arm, str(len(own)), busy, ", ".join(own[:MAX_SHARE_VISITS]) + rest if own else "-"))
+        rows.append(
+            (arm, str(len(own)), busy, ", ".join(own[:MAX_SHARE_VISITS]) + rest if own else "-")
+        )
     heads = ("arm", "measurements", f"busy ({arm_shares.unit})", "in order")
     table = TextTable(heads, rows, right=heads[1:3])
     summary_lines = [shares_summary(arm_shares)]
@@ -220,7 +252,9 @@ def shares_summary(arm_shares: "SharedMeasurements") -> str:
     count = count_noun(sum(map(len, shares.orders.values())), "measurement")
     most, bound = arm_shares.lasts(shares.makespan), arm_shares.lasts(shares.lower_bound)
     gap = (
-        "proved to be the least" if most <= bound else f"no way to share them takes less than {bound} {unit}"
+        "proved to be the least"
+        if most <= bound
+        else f"no way to share them takes less than {bound} {unit}"
     )
     gap = f", {gap}" if bound else ""
     common = (
@@ -230,5 +264,11 @@ def shares_summary(arm_shares: "SharedMeasurements") -> str:
     )
     waiting = ", without waiting for each other" if arm_shares.waits else ""
     if len(shares.orders) == 1:
-        return f"{next(iter(shares.orders))} makes {count}: {most} {unit} by the times of the tour{gap}"
-    return f"{len(shares.orders)} arms share {count}, {common}: {most} {unit} by the times of the tours{waiting}{gap}"
+        return (
+            f"{next(iter(shares.orders))} makes {count}: {most} {unit} by the times of the "
+            f"tour{gap}"
+        )
+    return (
+        f"{len(shares.orders)} arms share {count}, {common}: {most} {unit} by the times of the "
+        f"tours{waiting}{gap}"
+    )

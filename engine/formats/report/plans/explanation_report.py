@@ -25,7 +25,8 @@ def explanation_text(no_plan_explanation: Explanation) -> Text:
     """Why there is no plan, for people."""
     if no_plan_explanation.status != "infeasible":
         return Text(
-            f"{'There is nothing to explain' if no_plan_explanation.status == 'feasible' else 'Unknown'}: {no_plan_explanation.reason}."
+            f"{'There is nothing to explain' if no_plan_explanation.status == 'feasible' else 'Unknown'}: "
+            f"{no_plan_explanation.reason}."
         )
     lines = ["No plan exists."]
     if len(no_plan_explanation.goals) == 1:
@@ -37,7 +38,8 @@ def explanation_text(no_plan_explanation: Explanation) -> Text:
     lines += [f"  {gap}" for gap in no_plan_explanation.gaps]
     if no_plan_explanation.gaps:
         lines.append(
-            "An operator is missing, or its constraints never hold: no change of one fact would help."
+            "An operator is missing, or its constraints never hold: no change of one fact would "
+            "help."
         )
     elif not any(change.edits or change.stages for change in no_plan_explanation.changes):
         lines.append("No change of one fact would help, and none of two or three facts was found.")
@@ -49,7 +51,8 @@ def explanation_text(no_plan_explanation: Explanation) -> Text:
         lines.append("`--format json` tells of every change how it leads to the goal.")
     if no_plan_explanation.untried:
         lines.append(
-            f"{no_plan_explanation.untried} more changes of one fact were not tried to the end: a limit was reached."
+            f"{no_plan_explanation.untried} more changes of one fact were not tried to the end: "
+            "a limit was reached."
         )
     return Text("\n".join(lines))
 
@@ -63,8 +66,12 @@ def amendment_text(change: Amendment) -> str:
     kinds: dict[str, list[str]] = {}
     for edit in change.edits:
         edit_words = _EDIT_WORDS[f"{edit.verb} {edit.layer}"][1]
-        kinds.setdefault(f"{edit.verb} {edit.layer}", []).append(edit_words.format(edit.added, edit.removed))
-    return " and ".join(_EDIT_WORDS[kind][0].format(" and ".join(facts)) for kind, facts in kinds.items())
+        kinds.setdefault(f"{edit.verb} {edit.layer}", []).append(
+            edit_words.format(edit.added, edit.removed)
+        )
+    return " and ".join(
+        _EDIT_WORDS[kind][0].format(" and ".join(facts)) for kind, facts in kinds.items()
+    )
 
 
 def explanation_entry(no_plan_explanation: Explanation) -> dict[str, Any]:
@@ -107,11 +114,15 @@ def _purpose_text(purpose: Purpose) -> str:
     if purpose.consumer is None:
         return f"the goal {said_of(purpose.condition)}"
     condition_text = (
-        f"{said_of(purpose.condition)}, which {purpose.consumer.id} {purpose.consumer.operator} needs"
+        f"{said_of(purpose.condition)}, which {purpose.consumer.id} {purpose.consumer.operator} "
+        "needs"
     )
     if purpose.links:
         consumer_chain = " then ".join(str(link.consumer) for link in purpose.links[:-1])
-        condition_text += f"{f' for {consumer_chain}' if consumer_chain else ''} for the goal {said_of(purpose.links[-1].condition)}"
+        condition_text += (
+            f"{f' for {consumer_chain}' if consumer_chain else ''} for the goal "
+            f"{said_of(purpose.links[-1].condition)}"
+        )
     return condition_text
 
 
@@ -129,6 +140,7 @@ def step_entry(reason_of_step: StepReason) -> dict[str, Any]:
             for purpose in reason_of_step.purposes
         ],
         "orders": [
-            {"before": o.earlier.id, "after": o.later.id, "reason": o.reason} for o in reason_of_step.orders
+            {"before": o.earlier.id, "after": o.later.id, "reason": o.reason}
+            for o in reason_of_step.orders
         ],
     }

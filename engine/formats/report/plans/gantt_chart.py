@@ -15,7 +15,9 @@ from cellwright.engine.model.shop_scheduling import Hold, Resource, Schedule, Sh
 
 
 def makespan_bounds(makespan_bottleneck: Bottleneck, unit: str) -> str:
-    """What bounds a makespan, in words: the resource that never rests or the chain of steps, and their parts."""
+    """What bounds a makespan, in words: the resource that never rests or the chain of steps,
+    and their parts.
+    """
     parts = [
         f"{share.operator} {share.time} {unit} ({count_noun(share.steps, 'step')})"
         for share in makespan_bottleneck.shares
@@ -36,13 +38,18 @@ def makespan_bounds(makespan_bottleneck: Bottleneck, unit: str) -> str:
 
 
 def bottleneck_entry(timetable: Timetable) -> dict[str, Any]:
-    """What bounds the makespan of a timetable, for programs: a resource that never rests, or a chain of steps."""
+    """What bounds the makespan of a timetable, for programs: a resource that never rests, or a
+    chain of steps.
+    """
     makespan_bottleneck = find_bottleneck(timetable.plan, timetable.starts)
     return {
-        "resource": None if makespan_bottleneck.resource is None else str(makespan_bottleneck.resource),
+        "resource": None
+        if makespan_bottleneck.resource is None
+        else str(makespan_bottleneck.resource),
         "waiting": makespan_bottleneck.waiting,
         "parts": [
-            {"operator": s.operator, "steps": s.steps, "time": s.time} for s in makespan_bottleneck.shares
+            {"operator": s.operator, "steps": s.steps, "time": s.time}
+            for s in makespan_bottleneck.shares
         ],
     }
 
@@ -62,7 +69,10 @@ class BarKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class GanttBar:
-    """A bar from `start` to `end`. `job` is the number of its job, -1 if it has none; `unit` the name of its unit, if known."""
+    """A bar from `start` to `end`.
+
+    `job` is the number of its job, -1 if it has none; `unit` the name of its unit, if known.
+    """
 
     start: int
     end: int
@@ -82,22 +92,30 @@ class GanttRow:
 
 
 def gantt_rows(shop: Shop, schedule: Schedule) -> tuple[GanttRow, ...]:
-    """The rows of the chart: jobs in their order, then every used unit of every resource that is no job."""
+    """The rows of the chart: jobs in their order, then every used unit of every resource that
+    is no job.
+    """
     number = {job.name: n for n, job in enumerate(shop.jobs)}
     chart_rows = [
         GanttRow(
-            job.name, tuple(_stage_bar(shop, schedule, stage.name, number[job.name]) for stage in job.stages)
+            job.name,
+            tuple(_stage_bar(shop, schedule, stage.name, number[job.name]) for stage in job.stages),
         )
         for job in shop.jobs
         if len(job.stages) > 1
     ]
     shown = {row.name for row in chart_rows}
-    for resource in (shop_resource for shop_resource in shop.resources if shop_resource.name not in shown):
+    for resource in (
+        shop_resource for shop_resource in shop.resources if shop_resource.name not in shown
+    ):
         bars = sorted(
-            _resource_bars(shop, schedule, resource.name, number), key=lambda bar: (bar.start, bar.end)
+            _resource_bars(shop, schedule, resource.name, number),
+            key=lambda bar: (bar.start, bar.end),
         )
         chart_rows += (
-            _named_units(bars, resource) if all(bar.unit for bar in bars) else _equal_units(bars, resource)
+            _named_units(bars, resource)
+            if all(bar.unit for bar in bars)
+            else _equal_units(bars, resource)
         )
     return tuple(chart_rows)
 
@@ -117,11 +135,15 @@ def _equal_units(bars: Sequence[GanttBar], resource: Resource) -> list[GanttRow]
 def _stage_bar(shop: Shop, schedule: Schedule, name: str, job: int) -> GanttBar:
     start, stage = schedule.starts[name], shop.stages[name]
     owner = shop.owners[name].name
-    return GanttBar(start, start + stage.duration, _short_stage(name, owner), BarKind.STAGE, job, name)
+    return GanttBar(
+        start, start + stage.duration, _short_stage(name, owner), BarKind.STAGE, job, name
+    )
 
 
 def _short_stage(stage: str, job: str) -> str:
-    """The name of a stage without the name of its job, and without its number there if more is said."""
+    """The name of a stage without the name of its job, and without its number there if more is
+    said.
+    """
     own = stage.removeprefix(job).lstrip(" .:") or stage
     return own if own == stage else re.sub(r"^\d+ (?=\S)", "", own)
 
@@ -133,7 +155,9 @@ def _resource_bars(
         if resource in stage.resources:
             owner = shop.owners[stage.name].name
             start = schedule.starts[stage.name]
-            yield GanttBar(start, start + stage.duration, owner, BarKind.STAGE, number[owner], stage.name)
+            yield GanttBar(
+                start, start + stage.duration, owner, BarKind.STAGE, number[owner], stage.name
+            )
     for hold in (shop_hold for shop_hold in shop.holds if shop_hold.resource == resource):
         yield _hold_bar(shop, schedule, hold, number)
     for adjustment in schedule.adjustments:
@@ -184,7 +208,9 @@ class GanttChart:
     schedule: Schedule
     unit: str = ""
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+    def __rich_console__(
+        self, console: Console, options: ConsoleOptions
+    ) -> Iterator[RenderableType]:
         lines = gantt_rows(self.shop, self.schedule)
         names = min(max((len(row.name) for row in lines), default=0), options.max_width // 3)
         width = max(MIN_BARS_WIDTH, options.max_width - names - 2)
@@ -193,15 +219,16 @@ class GanttChart:
             text = Text(f"{row.name[:names]:{names}} ", no_wrap=True, overflow="crop", end="")
             yield Group(text.append_text(_row_line(row, scale, width)), Text())
         yield Text(
-            " " * (names + 1) + _time_ticks(self.schedule.makespan, scale, width, self.unit), style="dim"
+            " " * (names + 1) + _time_ticks(self.schedule.makespan, scale, width, self.unit),
+            style="dim",
         )
 
 
 def join_short_bars(bars: Sequence[GanttBar], least: float) -> list[GanttBar]:
     """Bars in the order of time, with those that are too short to be seen joined.
 
-    Neighbours become one bar as long as it stays shorter than `least` units of time. So there are at most two bars for
-    each `least` units, however many steps there are.
+    Neighbours become one bar as long as it stays shorter than `least` units of time. So there are
+    at most two bars for each `least` units, however many steps there are.
     """
     groups: list[list[GanttBar]] = []
     for bar in bars:
@@ -216,11 +243,15 @@ def _merge_bars(bars: Sequence[GanttBar]) -> GanttBar:
     """One bar in the place of several short ones."""
     longest = max(bars, key=lambda bar: bar.end - bar.start)
     detail = f"{len(bars)} bars, from {bars[0].detail} to {bars[-1].detail}"
-    return GanttBar(bars[0].start, max(bar.end for bar in bars), "", longest.kind, longest.job, detail)
+    return GanttBar(
+        bars[0].start, max(bar.end for bar in bars), "", longest.kind, longest.job, detail
+    )
 
 
 def _row_line(row: GanttRow, scale: float, width: int) -> Text:
-    """One row of bars. A bar shorter than one character gets a free character if there is one, unless bars crowd."""
+    """One row of bars. A bar shorter than one character gets a free character if there is one,
+    unless bars crowd.
+    """
     text, column = Text(), 0
     crowded = len(row.bars) > width // 2
     for bar in join_short_bars(row.bars, 1 / scale) if crowded else row.bars:
@@ -276,16 +307,22 @@ def timetable_chart(timetable: Timetable, unit: str) -> list[RenderableType]:
     notes = [kept_order(timetable)] if timetable.note else []
     return [
         *parts,
-        *map(Text, (makespan_bounds(find_bottleneck(timetable.plan, timetable.starts), unit), *notes)),
+        *map(
+            Text, (makespan_bounds(find_bottleneck(timetable.plan, timetable.starts), unit), *notes)
+        ),
     ]
 
 
 def kept_order(timetable: Timetable) -> str:
-    """Why the steps of a timetable have rows of their own and keep the order of the plan where they do."""
+    """Why the steps of a timetable have rows of their own and keep the order of the plan where
+    they do.
+    """
     return f"Scheduled step by step, not in blocks: {timetable.note}."
 
 
-def charted_shop(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP) -> list[RenderableType]:
+def charted_shop(
+    shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP
+) -> list[RenderableType]:
     """The chart of a schedule, and its makespan."""
     return [GanttChart(shop, schedule, unit), Text(), Text(schedule_summary(schedule, unit, scope))]
 
@@ -301,8 +338,12 @@ def proof_entry(schedule: Schedule, scope: str = SHOP) -> dict[str, Any]:
     }
 
 
-def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP, staged: bool = True) -> dict[str, Any]:
-    """A schedule for programs: totals, stages in the order of their starts if `staged`, and changes of devices."""
+def schedule_entry(
+    shop: Shop, schedule: Schedule, scope: str = SHOP, staged: bool = True
+) -> dict[str, Any]:
+    """A schedule for programs: totals, stages in the order of their starts if `staged`, and
+    changes of devices.
+    """
     stages = [
         {
             "job": shop.owners[name].name,

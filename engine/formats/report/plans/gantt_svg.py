@@ -1,6 +1,7 @@
 """A schedule as SVG: its Gantt chart with a tooltip for each bar.
 
-Colours are those of the jobs. Steps that are jobs of their own have the colour of their operator, with a legend.
+Colours are those of the jobs. Steps that are jobs of their own have the colour of their operator,
+with a legend.
 """
 
 import re
@@ -28,8 +29,13 @@ GANTT_STYLE = """
 """
 
 
-def draw_gantt(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP, note: str = "") -> str:
-    """The chart, below it its makespan with what is proved of it, and a note. The same schedule gives the same bytes."""
+def draw_gantt(
+    shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP, note: str = ""
+) -> str:
+    """The chart, below it its makespan with what is proved of it, and a note.
+
+    The same schedule gives the same bytes.
+    """
     lines = gantt_rows(shop, schedule)
     left = MARGIN + max((len(row.name) for row in lines), default=0) * CHARACTER + GAP
     height = 2 * MARGIN + (len(lines) + 2) * (HEIGHT + GAP)
@@ -39,10 +45,14 @@ def draw_gantt(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP
     kind_fills = assign_colours(kinds)
     fills = [kind_fills[kind] for kind in kinds]
     named = {job.name for job in shop.jobs}
-    legend = list(_legend_lines({kind: fill for kind, fill in kind_fills.items() if kind not in named}))
+    legend = list(
+        _legend_lines({kind: fill for kind, fill in kind_fills.items() if kind not in named})
+    )
     below = MARGIN + len(lines) * (HEIGHT + GAP) + 3 * LINE
     body += [
-        entry for number, line in enumerate(legend) for entry in _legend_entries(line, below + number * LINE)
+        entry
+        for number, line in enumerate(legend)
+        for entry in _legend_entries(line, below + number * LINE)
     ]
     for number, row in enumerate(lines):
         crowded = len(row.bars) > 2 * WIDTH  # more bars than can be seen
@@ -51,7 +61,10 @@ def draw_gantt(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP
     caption_lines = [schedule_summary(schedule, unit, scope), *([note] if note else [])]
     height += (len(caption_lines) - 1 + len(legend)) * LINE
     return (
-        "\n".join([*_gantt_opening(left + WIDTH + 2 * MARGIN, height, caption_lines), *body, "</svg>"]) + "\n"
+        "\n".join(
+            [*_gantt_opening(left + WIDTH + 2 * MARGIN, height, caption_lines), *body, "</svg>"]
+        )
+        + "\n"
     )
 
 
@@ -89,7 +102,9 @@ def _legend_entries(line: Sequence[tuple[float, str, str]], y: float) -> Iterato
         yield f'<text class="text" x="{x + 14:.1f}" y="{y:.0f}" fill="{INK}">{escape(name)}</text>'
 
 
-def _time_grid(schedule: Schedule, left: float, scale: float, lines: int, unit: str) -> Iterator[str]:
+def _time_grid(
+    schedule: Schedule, left: float, scale: float, lines: int, unit: str
+) -> Iterator[str]:
     """Lines at round times, and a dashed line at the lower bound."""
     step = 1
     while step * scale < 60:
@@ -98,34 +113,57 @@ def _time_grid(schedule: Schedule, left: float, scale: float, lines: int, unit: 
     for time in range(0, schedule.makespan + 1, step):
         x = left + time * scale
         yield _vertical_line(x, bottom, '#c8ccd4"')
-        yield f'<text class="text" x="{x:.1f}" y="{bottom + 14}" fill="{INK}" text-anchor="middle">{time}</text>'
-    yield _vertical_line(left + schedule.lower_bound * scale, bottom, '#d55e00" stroke-dasharray="4 3"')
+        yield (
+            f'<text class="text" x="{x:.1f}" y="{bottom + 14}" fill="{INK}" '
+            f'text-anchor="middle">{time}</text>'
+        )
+    yield _vertical_line(
+        left + schedule.lower_bound * scale, bottom, '#d55e00" stroke-dasharray="4 3"'
+    )
     if unit:
         end = left + WIDTH
-        yield f'<text class="text" x="{end:.1f}" y="{bottom + 28}" fill="{INK}" text-anchor="end">{escape(unit)}</text>'
+        yield (
+            f'<text class="text" x="{end:.1f}" y="{bottom + 28}" fill="{INK}" '
+            f'text-anchor="end">{escape(unit)}</text>'
+        )
 
 
 def _vertical_line(x: float, bottom: float, stroke: str) -> str:
-    return f'<line class="grid" x1="{x:.1f}" y1="{MARGIN}" x2="{x:.1f}" y2="{bottom}" stroke="{stroke}/>'
+    return (
+        f'<line class="grid" x1="{x:.1f}" y1="{MARGIN}" x2="{x:.1f}" y2="{bottom}" '
+        f'stroke="{stroke}/>'
+    )
 
 
-def _gantt_row(row: GanttRow, y: float, left: float, scale: float, fills: Sequence[str]) -> Iterator[str]:
+def _gantt_row(
+    row: GanttRow, y: float, left: float, scale: float, fills: Sequence[str]
+) -> Iterator[str]:
     name = escape(row.name)
-    yield f'<text class="text" x="{left - GAP:.1f}" y="{y + 15:.0f}" fill="{INK}" text-anchor="end">{name}</text>'
+    yield (
+        f'<text class="text" x="{left - GAP:.1f}" y="{y + 15:.0f}" fill="{INK}" '
+        f'text-anchor="end">{name}</text>'
+    )
     for bar in row.bars:
         colour = fills[bar.job] if bar.job >= 0 else "#8a8f98"
-        yield _gantt_bar(bar, left + bar.start * scale, y, max(0.5, (bar.end - bar.start) * scale), colour)
+        yield _gantt_bar(
+            bar, left + bar.start * scale, y, max(0.5, (bar.end - bar.start) * scale), colour
+        )
 
 
 def _gantt_bar(bar: GanttBar, x: float, y: float, width: float, colour: str) -> str:
     opacity = {BarKind.STAGE: 0.85, BarKind.HOLD: 0.35, BarKind.CHANGE: 0.85}[bar.kind]
     tooltip = escape(f"{bar.detail}, {bar.start} to {bar.end}")
     rect = (
-        f'<rect class="bar" x="{x:.1f}" y="{y:.0f}" width="{width:.1f}" height="{HEIGHT}" rx="2" fill="{colour}" '
-        f'fill-opacity="{opacity}" stroke="{colour}" stroke-width="0.5"><title>{tooltip}</title></rect>'
+        f'<rect class="bar" x="{x:.1f}" y="{y:.0f}" width="{width:.1f}" height="{HEIGHT}" '
+        f'rx="2" fill="{colour}" '
+        f'fill-opacity="{opacity}" stroke="{colour}" '
+        f'stroke-width="0.5"><title>{tooltip}</title></rect>'
     )
     if len(bar.label) * CHARACTER + 4 > width:
         return rect
     fill = "#ffffff" if bar.kind is BarKind.STAGE else INK
-    label = f'<text x="{x + 3:.1f}" y="{y + 15:.0f}" fill="{fill}" pointer-events="none">{escape(bar.label)}</text>'
+    label = (
+        f'<text x="{x + 3:.1f}" y="{y + 15:.0f}" fill="{fill}" '
+        f'pointer-events="none">{escape(bar.label)}</text>'
+    )
     return rect + label

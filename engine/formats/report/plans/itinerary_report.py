@@ -83,13 +83,19 @@ def itinerary_text(run: Run, unit: str) -> RenderableType:
         tour_report.shares_text(itinerary.shared)
         if itinerary.shared
         else Text(
-            f"In the order of the sequence{kept_note}: {tour_report.tour_summary(itinerary.tour, itinerary.problem)}"
+            f"In the order of the sequence{kept_note}: "
+            f"{tour_report.tour_summary(itinerary.tour, itinerary.problem)}"
         )
     ]
-    report_parts += [Text(f"Not all windows can be kept: {itinerary.unkept}.")] if itinerary.unkept else []
+    report_parts += (
+        [Text(f"Not all windows can be kept: {itinerary.unkept}.")] if itinerary.unkept else []
+    )
     report_parts += [
         Text(line)
-        for line in (*_left_out(itinerary.partition.impossible), *_unasked_measurements(itinerary.unasked))
+        for line in (
+            *_left_out(itinerary.partition.impossible),
+            *_unasked_measurements(itinerary.unasked),
+        )
     ]
     if isinstance(run.outcome, Found) and run.timetable is not None:
         report_parts.insert(0, _operator_times(run.outcome.plan, unit))
@@ -114,7 +120,9 @@ def _operator_times(plan: Plan, unit: str) -> RenderableType:
 
 
 def _unasked_measurements(reasons: Mapping[str, str]) -> list[str]:
-    """A line that counts the measurements that cannot be made and that no goal asks for; none if there are none."""
+    """A line that counts the measurements that cannot be made and that no goal asks for; none
+    if there are none.
+    """
     counts = Counter(reasons.values()).most_common()
     reasons_text = "; ".join(f"{why} ({count})" for why, count in counts)
     number = count_noun(len(reasons), "measurement")

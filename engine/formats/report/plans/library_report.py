@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 
 def macrop_text(macro: Macrop, domain: Domain | None = None) -> RenderableType:
-    """All parts of a MACROP. If its domain is given, types that follow from compound terms are left out."""
+    """All parts of a MACROP.
+
+    If its domain is given, types that follow from compound terms are left out.
+    """
     types = macro.unary_constraints(domain) if domain else macro.types
     parts: list[tuple[str, Iterable[object]]] = [
         ("goals", macro.goals),
@@ -33,7 +36,9 @@ def macrop_text(macro: Macrop, domain: Domain | None = None) -> RenderableType:
         ("resources", macro.resources),
     ]
     rows = [(title, "\n".join(map(str, lines))) for title, lines in parts]
-    table = TextTable(("", ""), [(title, cell_text) for title, cell_text in rows if cell_text], lead="bold")
+    table = TextTable(
+        ("", ""), [(title, cell_text) for title, cell_text in rows if cell_text], lead="bold"
+    )
     return Group(
         Text(f"MACROP {macro.name}", style="bold"),
         table,
@@ -52,7 +57,11 @@ def library_table(
     stale: Mapping[int, tuple[str, ...]],
     utilities: "Mapping[tuple[int, str], Utility]",
 ) -> RenderableType:
-    """A library as a table. `stale` names the changed parts of the domain; `utilities` says how useful MACROPs were in searches."""
+    """A library as a table.
+
+    `stale` names the changed parts of the domain; `utilities` says how useful MACROPs were in
+    searches.
+    """
     numbers = ("no.", "steps", "cost", "uses", "saved s")
     headings = (
         "no.",
@@ -78,8 +87,12 @@ def library_table(
 
 
 def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> str:
-    """The searches that get a sub-sequence, the share of work left with it, and its uses: `forward 0.62, 3/4`."""
-    mine = {search: utility for (own, search), utility in sorted(utilities.items()) if own == number}
+    """The searches that get a sub-sequence, the share of work left with it, and its uses:
+    `forward 0.62, 3/4`.
+    """
+    mine = {
+        search: utility for (own, search), utility in sorted(utilities.items()) if own == number
+    }
     offered = {search: utility for search, utility in mine.items() if utility.pays}
     usage_texts = [
         f"{search} {utility.share:.2f}, {utility.used}/{utility.offered}"
@@ -109,22 +122,37 @@ def _number_ranges(numbers: Iterable[int]) -> str:
 
 
 def library_figures(totals: "Figures", subsequences: int, inner: "Utility") -> RenderableType:
-    """The figures of a library. `inner` is the sum of the figures of its sub-sequences in searches."""
-    rows = [("MACROPs", str(totals.macrops)), ("goal shapes", str(totals.shapes)), ("uses", str(totals.uses))]
+    """The figures of a library.
+
+    `inner` is the sum of the figures of its sub-sequences in searches.
+    """
+    rows = [
+        ("MACROPs", str(totals.macrops)),
+        ("goal shapes", str(totals.shapes)),
+        ("uses", str(totals.uses)),
+    ]
     rows.append(("planning saved", f"{totals.saved_s:.2f} s"))
     if subsequences:
-        rows.append(("sub-sequences", f"{subsequences}, used {inner.used} of {inner.offered} times offered"))
+        rows.append(
+            ("sub-sequences", f"{subsequences}, used {inner.used} of {inner.offered} times offered")
+        )
     rows += [(f"of {name}", str(count)) for name, count in totals.domains.items()]
     return TextTable(("", ""), [*rows, ("schema", str(totals.schema))])
 
 
-def plan_origin(kind: str, number: int | None, name: str, reason: str, listed: bool = False) -> Text:
-    """One sentence about where a plan came from; `listed` is whether its parts are shown above it."""
+def plan_origin(
+    kind: str, number: int | None, name: str, reason: str, listed: bool = False
+) -> Text:
+    """One sentence about where a plan came from; `listed` is whether its parts are shown above
+    it.
+    """
     match kind:
         case "library":
             return Text(f"An instance of MACROP {number}, {name}.")
         case "parts":
-            whole = f" The whole was learned as MACROP {number}, {name}." if number is not None else ""
+            whole = (
+                f" The whole was learned as MACROP {number}, {name}." if number is not None else ""
+            )
             return Text(f"Composed of {'the parts above' if listed else 'MACROPs'}.{whole}")
         case "planner" if number is not None:
             return Text(f"Planned, and learned as MACROP {number}, {name}.")
@@ -159,7 +187,11 @@ def _kept_sequence_entry(kept_sequence: "KeptSequence | None") -> dict[str, Any]
     return (
         None
         if kept_sequence is None
-        else {"way": kept_sequence.way, "left": kept_sequence.left, "changes": dict(kept_sequence.changes)}
+        else {
+            "way": kept_sequence.way,
+            "left": kept_sequence.left,
+            "changes": dict(kept_sequence.changes),
+        }
     )
 
 
@@ -182,7 +214,9 @@ def preparation_text(preparation: "Preparation") -> "RenderableType":
             else problem_entry.reason
         )
         origin_text = (
-            "It follows its sequence." if found_it and problem_entry.origin == "sequence" else origin_text
+            "It follows its sequence."
+            if found_it and problem_entry.origin == "sequence"
+            else origin_text
         )
         last = [_sequence_said(problem_entry.sequence)] if sequenced else []
         last += [_poses_said(problem_entry.poses)] if posed else []
@@ -192,7 +226,8 @@ def preparation_text(preparation: "Preparation") -> "RenderableType":
         for n, p in preparation.stale.items()
     ]
     learned = sum(
-        problem.origin == "planner" and problem.macrop is not None for problem in preparation.problems
+        problem.origin == "planner" and problem.macrop is not None
+        for problem in preparation.problems
     )
     known_count = sum(problem.origin == "library" for problem in preparation.problems)
     columns = [name for name, shown in (("sequence", sequenced), ("poses", posed)) if shown]
@@ -206,7 +241,10 @@ def preparation_text(preparation: "Preparation") -> "RenderableType":
         *stale,
         table,
         *lost,
-        Text(f"{count_noun(len(preparation.problems), 'problem')}: {learned} learned, {known_count} known"),
+        Text(
+            f"{count_noun(len(preparation.problems), 'problem')}: {learned} learned, "
+            f"{known_count} known"
+        ),
     )
 
 
@@ -224,5 +262,7 @@ def _sequence_said(kept_sequence: "KeptSequence | None") -> str:
         "kept": "unchanged",
         "resequenced": "sequenced anew because the kept sequence was stale",
     }
-    changes = "".join(f", {count} {change_kind}" for change_kind, count in kept_sequence.changes.items())
+    changes = "".join(
+        f", {count} {change_kind}" for change_kind, count in kept_sequence.changes.items()
+    )
     return f"{kept_sequence.left} visits, {ways[kept_sequence.way]}{changes}"

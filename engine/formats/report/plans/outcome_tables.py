@@ -14,7 +14,12 @@ from rich.text import Text
 from cellwright.engine.formats.report.text_tables import TextTable, indented_text, wrap_text
 from cellwright.engine.model.answer_wording import count_noun, step_purposes
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
-from cellwright.engine.model.plan_times import History, earliest_starts, object_histories, plan_makespan
+from cellwright.engine.model.plan_times import (
+    History,
+    earliest_starts,
+    object_histories,
+    plan_makespan,
+)
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
 
@@ -27,7 +32,10 @@ COLUMN_SPACES = "  "
 def table_lines(
     head: Sequence[str], rows: Iterable[Sequence[str]], right: Collection[int]
 ) -> Iterator[Segment]:
-    """A head and rows in columns as wide as their text. Cells may have several lines; columns in `right` hold numbers."""
+    """A head and rows in columns as wide as their text.
+
+    Cells may have several lines; columns in `right` hold numbers.
+    """
     table = [[cell.splitlines() or [""] for cell in row] for row in rows]
     widths = [
         max(len(name), *(len(line) for row in table for line in row[place]))
@@ -56,10 +64,11 @@ MANY, NAMED = 40, 10  # of more consumers of a condition than MANY, so many are 
 
 @dataclass(frozen=True, slots=True)
 class StepTable:
-    """Each step with the steps it waits for, its times, and what it achieves for whom. Without a `unit` it shows no times.
+    """Each step with the steps it waits for, its times, and what it achieves for whom. Without a
+    `unit` it shows no times.
 
-    What is achieved has a column of its own; on narrower terminals it stands below the operator; on the narrowest
-    everything does.
+    What is achieved has a column of its own; on narrower terminals it stands below the operator; on
+    the narrowest everything does.
     """
 
     plan: Plan
@@ -69,11 +78,16 @@ class StepTable:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         head, rows = self._narrow()
-        taken = sum(max(map(_cell_width, cells)) + STEP_COLUMN_GAP for cells in zip(head, *rows, strict=True))
+        taken = sum(
+            max(map(_cell_width, cells)) + STEP_COLUMN_GAP
+            for cells in zip(head, *rows, strict=True)
+        )
         room = options.max_width - taken
         operators = max([len("operator"), *(len(str(step.operator)) for step in self.plan.steps)])
         reasons = (
-            len(reason_text) for step in self.plan.steps for reason_text in self.purposes.get(step.id, {})
+            len(reason_text)
+            for step in self.plan.steps
+            for reason_text in self.purposes.get(step.id, {})
         )
         achieved = max([len("achieves"), *reasons])
         if operators + STEP_COLUMN_GAP + achieved <= room:
@@ -99,7 +113,10 @@ class StepTable:
         table.add_column("achieves", overflow="fold")
         for step, (number, *rest) in zip(self.plan.steps, rows, strict=True):
             table.add_row(
-                number, _operator_text(step), *rest, _mark_reasons(_join_reasons(self._reasons(step), room))
+                number,
+                _operator_text(step),
+                *rest,
+                _mark_reasons(_join_reasons(self._reasons(step), room)),
             )
         return table
 
@@ -142,15 +159,21 @@ class StepTable:
 
     def _stacked(self, width: int) -> Table:
         """The steps for a narrow terminal: the content of the table in lines below each step."""
-        table = Table(box=None, pad_edge=False, show_header=False, padding=(0, STEP_COLUMN_GAP, 0, 0))
+        table = Table(
+            box=None, pad_edge=False, show_header=False, padding=(0, STEP_COLUMN_GAP, 0, 0)
+        )
         table.add_column(justify="right", no_wrap=True, style="cyan")
         table.add_column(overflow="fold")
         room = width - STEP_COLUMN_GAP - max(len(str(step.id)) for step in self.plan.steps)
         for step in self.plan.steps:
             stacked_lines = [f"after {', '.join(map(str, step.after))}"] if step.after else []
-            stacked_lines += [span_text(self.starts[step.id], step.duration, self.unit)] if self.unit else []
+            stacked_lines += (
+                [span_text(self.starts[step.id], step.duration, self.unit)] if self.unit else []
+            )
             parts = ["; ".join(stacked_lines), *self._reasons(step)]
-            table.add_row(str(step.id), indented_text(str(step.operator), filter(None, parts), room))
+            table.add_row(
+                str(step.id), indented_text(str(step.operator), filter(None, parts), room)
+            )
         return table
 
     def _narrow(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -165,11 +188,15 @@ class StepTable:
     def _reasons(self, step: Step) -> list[str]:
         """The conditions that a step achieves, each with its consumers in order, the goal last."""
         achieved = self.purposes.get(step.id, {})
-        return [f"{condition} for {_consumers_text(users)}" for condition, users in achieved.items()]
+        return [
+            f"{condition} for {_consumers_text(users)}" for condition, users in achieved.items()
+        ]
 
 
 def _consumers_text(users: Sequence[str]) -> str:
-    """The consumers of a condition; of very many the first ones, how many more there are, and the last."""
+    """The consumers of a condition; of very many the first ones, how many more there are, and
+    the last.
+    """
     consumers = sorted(users, key=lambda user: (user == "goal", len(user), user))
     if len(consumers) > MANY:
         consumers = [
@@ -220,7 +247,10 @@ STATISTICS_WIDTH = 10_000
 def outcome_text(
     result: Outcome, problem: Problem, timetable: "Timetable | None" = None, explained: bool = False
 ) -> RenderableType:
-    """An outcome for people; with a timetable also the chart of its plan. `explained`: what is told below says why there is none."""
+    """An outcome for people; with a timetable also the chart of its plan.
+
+    `explained`: what is told below says why there is none.
+    """
     match result:
         case Found(plan):
             return plan_table(plan, problem, timetable)
@@ -231,8 +261,12 @@ def outcome_text(
             return Text(f"Gave up: {reason}.")
 
 
-def plan_table(plan: Plan, problem: Problem, timetable: "Timetable | None" = None) -> RenderableType:
-    """Steps with the steps they wait for, start times and reasons; then histories, the chart and totals."""
+def plan_table(
+    plan: Plan, problem: Problem, timetable: "Timetable | None" = None
+) -> RenderableType:
+    """Steps with the steps they wait for, start times and reasons; then histories, the chart
+    and totals.
+    """
     if not plan.steps:
         return Text("Nothing to do: the goals hold already.")
     timed = any(step.duration for step in plan.steps)
@@ -251,7 +285,9 @@ def plan_table(plan: Plan, problem: Problem, timetable: "Timetable | None" = Non
         chart = [Text(), GanttChart(timetable.shop, timetable.schedule, unit), Text()]
         chart += [Text(kept_order(timetable))] if timetable.note else []
     elif timed:
-        summary_parts.append(f"{plan_makespan(plan)} {unit} if every step starts as early as possible")
+        summary_parts.append(
+            f"{plan_makespan(plan)} {unit} if every step starts as early as possible"
+        )
     made = object_histories(problem, plan, starts)
     steps = StepTable(plan, starts, step_purposes(problem, plan), unit if timed else "")
     below_table: list[RenderableType] = [Text(), _HistoryTable(made, unit)] if made else []
@@ -266,7 +302,9 @@ class _HistoryTable:
     made: Sequence[History]
     unit: str
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+    def __rich_console__(
+        self, console: Console, options: ConsoleOptions
+    ) -> Iterator[RenderableType]:
         table = _history_table(self.made, self.unit)
         if (
             console.measure(table, options=options.update(max_width=STATISTICS_WIDTH)).maximum
@@ -276,7 +314,9 @@ class _HistoryTable:
             return
         for history in self.made:
             stages = (
-                f"{happening.stage} {span_text(happening.start, happening.duration, self.unit)}, step {happening.step}"
+                f"{happening.stage} "
+                f"{span_text(happening.start, happening.duration, self.unit)}, step "
+                f"{happening.step}"
                 for happening in history.happenings
             )
             yield indented_text(_history_name(history), stages, options.max_width)

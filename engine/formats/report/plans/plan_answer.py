@@ -1,4 +1,6 @@
-"""Answer of the planner as a whole: outcome, times, measurements, motions and origin of the plan."""
+"""Answer of the planner as a whole: outcome, times, measurements, motions and origin of the
+plan.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
 class PlanAnswer:
     """What planning made: the run for a problem.
 
-    `origin` says where the plan comes from, `moving` holds the motions of its steps. Each is empty where nobody asked for it.
+    `origin` says where the plan comes from, `moving` holds the motions of its steps. Each is empty
+    where nobody asked for it.
     """
 
     run: "Run"
@@ -72,7 +75,9 @@ def plan_answer_text(plan_answer: PlanAnswer, stats: bool, folded: bool) -> "Ren
         from cellwright.engine.formats.report.plans import itinerary_report
 
         parts.append(itinerary_report.itinerary_text(run, plan_answer.problem.domain.time_unit))
-    parts += [Text(line) for line in _unmet_times(plan_answer).lines(plan_answer.problem.domain.time_unit)]
+    parts += [
+        Text(line) for line in _unmet_times(plan_answer).lines(plan_answer.problem.domain.time_unit)
+    ]
     if plan_answer.moving is not None:
         from cellwright.engine.formats.report.plans import plan_motions
 
@@ -114,6 +119,10 @@ def origin_text(content: Mapping[str, Any]) -> "list[RenderableType]":
 
     parts = folded_plan(source.get("parts", ()))
     origin_line = plan_origin(
-        source["origin"], source["macrop"], source["name"], source["reason"], listed=parts is not None
+        source["origin"],
+        source["macrop"],
+        source["name"],
+        source["reason"],
+        listed=parts is not None,
     )
     return [origin_part for origin_part in (parts, origin_line) if origin_part]

@@ -18,7 +18,9 @@ def plan_motions_text(moving: "MovingRun") -> "list[RenderableType]":
 
     report_parts: list[RenderableType] = []
     if moving.steps:
-        table = Table("step", "at", "motion, with its time (s)", "in all (s)", box=None, pad_edge=False)
+        table = Table(
+            "step", "at", "motion, with its time (s)", "in all (s)", box=None, pad_edge=False
+        )
         for step in moving.steps:
             table.add_row(str(step.step), step.place, _leg_words(step), f"{step.seconds:.1f}")
         report_parts += [table, Text(_proof_text(moving.steps))]
@@ -29,7 +31,8 @@ def plan_motions_text(moving: "MovingRun") -> "list[RenderableType]":
             Text(f"{refused.operator} was left out: it has no motion, {_refusal_place(refused)}")
         )
     report_parts += [
-        Text(f"{given_up_goal.goal} is given up: {given_up_goal.why}") for given_up_goal in moving.given_up
+        Text(f"{given_up_goal.goal} is given up: {given_up_goal.why}")
+        for given_up_goal in moving.given_up
     ]
     return report_parts
 
@@ -68,7 +71,10 @@ def _proof_text(steps: tuple[MovedStep, ...]) -> str:
     legs = sum(len(step.legs) for step in steps)
     if not open_:
         return f"{legs} paths, all proved to touch nothing that they may not"
-    return f"{legs} paths; those of {len(open_)} steps are free wherever they were looked at, but not proved"
+    return (
+        f"{legs} paths; those of {len(open_)} steps are free wherever they were looked at, but "
+        "not proved"
+    )
 
 
 def _refusal_place(refused: Unmoved) -> str:
@@ -92,7 +98,8 @@ def plan_motions_entry(moving: "MovingRun") -> dict[str, Any]:
             for refused_step in moving.refused
         ],
         "given_up": [
-            {"goal": given_up_goal.goal, "why": given_up_goal.why} for given_up_goal in moving.given_up
+            {"goal": given_up_goal.goal, "why": given_up_goal.why}
+            for given_up_goal in moving.given_up
         ],
         **({"sharing": _sharing_entry(moving.sharing)} if moving.sharing is not None else {}),
     }
@@ -134,5 +141,9 @@ def _step_leg_entry(leg: StepLeg) -> dict[str, Any]:
         "times_s": leg.corners_s.tolist(),
         "proved": leg.proved,
         "holding": list(leg.holding),
-        **({"beside": [_step_leg_entry(beside_leg) for beside_leg in leg.beside]} if leg.beside else {}),
+        **(
+            {"beside": [_step_leg_entry(beside_leg) for beside_leg in leg.beside]}
+            if leg.beside
+            else {}
+        ),
     }

@@ -29,7 +29,9 @@ def of_steps(timetable: Timetable, unit: str) -> TextTable:
         )
         for step in steps
     ]
-    return TextTable((start, "end", "step", "operator", "holds"), rows, right=(start, *START_NUMBER_COLUMNS))
+    return TextTable(
+        (start, "end", "step", "operator", "holds"), rows, right=(start, *START_NUMBER_COLUMNS)
+    )
 
 
 def of_stages(shop: Shop, schedule: Schedule, unit: str = "") -> TextTable:
@@ -46,16 +48,26 @@ def of_stages(shop: Shop, schedule: Schedule, unit: str = "") -> TextTable:
         for name, stage in shop.stages.items()
     ]
     start_rows += [
-        (adjustment.start, adjustment.end, "", f"{adjustment.device} to {adjustment.change.after}", "")
+        (
+            adjustment.start,
+            adjustment.end,
+            "",
+            f"{adjustment.device} to {adjustment.change.after}",
+            "",
+        )
         for adjustment in schedule.adjustments
     ]
     rows = [(str(begin), str(end), *rest) for begin, end, *rest in sorted(start_rows)]
-    return TextTable((start, "end", "job", "stage", "on"), rows, right=(start, *START_NUMBER_COLUMNS))
+    return TextTable(
+        (start, "end", "job", "stage", "on"), rows, right=(start, *START_NUMBER_COLUMNS)
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class ScheduleAnswer:
-    """A schedule of the stages of a shop; of a plan if there is a `timetable`, with its problem and what it does not keep."""
+    """A schedule of the stages of a shop; of a plan if there is a `timetable`, with its problem
+    and what it does not keep.
+    """
 
     shop: Shop
     schedule: Schedule
@@ -76,7 +88,9 @@ class ScheduleAnswer:
 
 
 def of_plan(timetable: Timetable, problem: Problem) -> ScheduleAnswer:
-    """The schedule of a plan for a problem, with the windows of measurements that it does not keep."""
+    """The schedule of a plan for a problem, with the windows of measurements that it does not
+    keep.
+    """
     from cellwright.engine.pipelines.planning.plan_files import unmet_times
     from cellwright.kb.model.plan_model import Claims
 
@@ -96,7 +110,9 @@ def schedule_content(schedule_answer: ScheduleAnswer, stats: bool = False) -> di
             "schedule": schedule_entry(schedule_answer.shop, schedule_answer.schedule)
         }
     else:
-        schedule_data = _of_plan(schedule_answer, schedule_answer.timetable, schedule_answer.problem)
+        schedule_data = _of_plan(
+            schedule_answer, schedule_answer.timetable, schedule_answer.problem
+        )
     return schedule_data | (
         {"statistics": json_answers.statistics_entry(schedule_answer.statistics)} if stats else {}
     )

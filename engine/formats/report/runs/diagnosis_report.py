@@ -36,7 +36,9 @@ def conclusion_text(problem: Troubleshooting, leaf: Conclude) -> str:
     return "cured" if leaf.conclusion is None else problem.conclusions[leaf.conclusion].name
 
 
-def decision_tree_text(problem: Troubleshooting, root: Tree, cost: float, bound: float) -> RenderableType:
+def decision_tree_text(
+    problem: Troubleshooting, root: Tree, cost: float, bound: float
+) -> RenderableType:
     """The whole tree with probabilities and costs."""
     proof = "optimal" if bound >= cost - 1e-6 else f"at least {cost_text(bound)} for any tree"
     drawn = RichTree(Text(f"expected cost {cost_text(cost)} ({proof})"))
@@ -59,7 +61,10 @@ def _grow_tree(parent: RichTree, problem: Troubleshooting, part: Tree, outcome: 
 def tree_entry(problem: Troubleshooting, part: Tree) -> dict[str, Any]:
     """The tree for programs."""
     if isinstance(part, Conclude):
-        return {"probability": round(part.probability, 9), "conclusion": conclusion_text(problem, part)}
+        return {
+            "probability": round(part.probability, 9),
+            "conclusion": conclusion_text(problem, part),
+        }
     action = problem.actions[part.action]
     return {
         "probability": round(part.probability, 9),
@@ -110,7 +115,10 @@ def belief_table(pairs: Sequence[tuple[str, float]], most: int = 8) -> TextTable
 
 
 def case_text(
-    model: FaultModel, case_diagnosis: CaseDiagnosis, certain: Mapping[Atom, float], change: Revision
+    model: FaultModel,
+    case_diagnosis: CaseDiagnosis,
+    certain: Mapping[Atom, float],
+    change: Revision,
 ) -> RenderableType:
     """How a case went and how it ended."""
     rows = [
@@ -124,11 +132,18 @@ def case_text(
         for line in _preparation_lines(place, stage)
     ]
     parts: list[RenderableType] = [
-        Text(name_with_meaning(case_diagnosis.exception, model.exceptions[case_diagnosis.exception].say))
+        Text(
+            name_with_meaning(
+                case_diagnosis.exception, model.exceptions[case_diagnosis.exception].say
+            )
+        )
     ]
     parts += [steps] if case_diagnosis.stages else []
     parts += [Text(line) for line in prepared]
-    parts += [Text(line) for line in (*_ending_lines(model, case_diagnosis), *_change_lines(certain, change))]
+    parts += [
+        Text(line)
+        for line in (*_ending_lines(model, case_diagnosis), *_change_lines(certain, change))
+    ]
     return Group(*parts)
 
 
@@ -143,7 +158,9 @@ def _preparation_lines(place: int, stage: CaseStep) -> list[str]:
 def _ending_lines(model: FaultModel, case_diagnosis: CaseDiagnosis) -> list[str]:
     lines = []
     if case_diagnosis.cured:
-        says = model.repairs[case_diagnosis.cured].say if case_diagnosis.cured in model.repairs else ""
+        says = (
+            model.repairs[case_diagnosis.cured].say if case_diagnosis.cured in model.repairs else ""
+        )
         lines.append(f"cured by {name_with_meaning(case_diagnosis.cured, says)}")
     if case_diagnosis.isolated:
         says = _cause_text(model, case_diagnosis)
@@ -156,17 +173,20 @@ def _ending_lines(model: FaultModel, case_diagnosis: CaseDiagnosis) -> list[str]
         ]
     if case_diagnosis.repairs and not case_diagnosis.cured:
         lines.append(
-            f"repair: {name_with_meaning(case_diagnosis.repairs[0], model.repairs[case_diagnosis.repairs[0]].say)}"
+            "repair: "
+            f"{name_with_meaning(case_diagnosis.repairs[0], model.repairs[case_diagnosis.repairs[0]].say)}"
         )
     if not (case_diagnosis.cured or case_diagnosis.repairs or case_diagnosis.question):
         lines.append("stopped safely: the fault was not repaired")
     if case_diagnosis.question:
         lines.append(
-            f"stop safely and ask: {case_diagnosis.question.text} ({', '.join(case_diagnosis.question.answers)})"
+            f"stop safely and ask: {case_diagnosis.question.text} "
+            f"({', '.join(case_diagnosis.question.answers)})"
         )
     return [
         *lines,
-        f"cost {cost_text(case_diagnosis.cost)}; tests and repairs took {_case_duration(model, case_diagnosis)}",
+        f"cost {cost_text(case_diagnosis.cost)}; tests and repairs took "
+        f"{_case_duration(model, case_diagnosis)}",
     ]
 
 
@@ -191,15 +211,23 @@ def _change_lines(certain: Mapping[Atom, float], change: Revision) -> list[str]:
     lines += [f"asserted: {atom} ({why})" for atom, why in change.asserted]
     lines += [f"restored: {atom} ({why})" for atom, why in change.restored]
     lines += [f"assumed: {atom} ({why})" for atom, why in change.assumed]
-    lines += [f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in change.follows]
+    lines += [
+        f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in change.follows
+    ]
     lines += [f"kept: {atom} ({why})" for atom, why in change.kept]
     lines += [f"lost: {_lost_object_text(name)}" for name in change.lost]
     return lines + _blocked_steps(change)
 
 
 def _lost_object_text(name: str) -> str:
-    """A thing that is lost, or which argument of the failed step it is if nobody has told the step."""
-    return f"the {name} of the step that failed (say which step with --step)" if name[:1].isupper() else name
+    """A thing that is lost, or which argument of the failed step it is if nobody has told the
+    step.
+    """
+    return (
+        f"the {name} of the step that failed (say which step with --step)"
+        if name[:1].isupper()
+        else name
+    )
 
 
 def _blocked_steps(change: Revision) -> list[str]:
@@ -227,7 +255,11 @@ def case_entry(
             for s in case_diagnosis.stages
         ],
         "hypotheses": [
-            {"causes": list(h.causes), "wrong observations": list(h.lies), "probability": round(p, 9)}
+            {
+                "causes": list(h.causes),
+                "wrong observations": list(h.lies),
+                "probability": round(p, 9),
+            }
             for h, p in case_diagnosis.hypotheses
         ],
         "isolated": case_diagnosis.isolated,
@@ -274,13 +306,18 @@ def decision_tree_svg(problem: Troubleshooting, root: Tree, cost: float) -> str:
     placed, below = _place_node(problem, root, MARGIN, MARGIN + 28.0, width)
     right = max(part.x for part in _all_nodes(placed)) + width + MARGIN
     head = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{right:.0f}" height="{below + MARGIN:.0f}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{right:.0f}" '
+        f'height="{below + MARGIN:.0f}" '
         f'viewBox="0 0 {right:.0f} {below + MARGIN:.0f}" font-family="sans-serif" font-size="12">'
     )
-    title = f'<text x="{MARGIN}" y="{MARGIN + 4}" fill="{INK}">expected cost {cost_text(cost)}</text>'
+    title = (
+        f'<text x="{MARGIN}" y="{MARGIN + 4}" fill="{INK}">expected cost {cost_text(cost)}</text>'
+    )
     paper = f'<rect width="100%" height="100%" fill="{PAPER}"/>'
     return (
-        "\n".join([head, paper, title, *_tree_lines(placed, width), *_tree_boxes(placed, width), "</svg>"])
+        "\n".join(
+            [head, paper, title, *_tree_lines(placed, width), *_tree_boxes(placed, width), "</svg>"]
+        )
         + "\n"
     )
 
@@ -302,7 +339,9 @@ def _node_title(problem: Troubleshooting, part: Tree) -> tuple[str, str]:
 def _place_node(
     problem: Troubleshooting, part: Tree, x: float, top: float, width: float
 ) -> tuple[_PlacedNode, float]:
-    """The part with everything below it in the tree, placed from `top` downwards; and its lower end."""
+    """The part with everything below it in the tree, placed from `top` downwards; and its lower
+    end.
+    """
     lines = _node_title(problem, part)
     if isinstance(part, Conclude):
         return _PlacedNode(lines, True, x, top + HEIGHT / 2, ()), top + HEIGHT + GAP
@@ -324,7 +363,10 @@ def _tree_lines(root: _PlacedNode, width: float) -> Iterator[str]:
     for part in _all_nodes(root):
         for outcome, child in part.children:
             start, bend = part.x + width, part.x + width + 24
-            path_data = f"M {start:.1f} {part.y:.1f} C {bend:.1f} {part.y:.1f} {start:.1f} {child.y:.1f} {bend:.1f} {child.y:.1f}"
+            path_data = (
+                f"M {start:.1f} {part.y:.1f} C {bend:.1f} {part.y:.1f} {start:.1f} "
+                f"{child.y:.1f} {bend:.1f} {child.y:.1f}"
+            )
             yield f'<path d="{path_data} H {child.x:.1f}" fill="none" stroke="{INK}"/>'
             yield (
                 f'<text x="{child.x - 6:.1f}" y="{child.y - 5:.1f}" text-anchor="end" fill="{INK}">'
@@ -337,7 +379,8 @@ def _tree_boxes(root: _PlacedNode, width: float) -> Iterator[str]:
         top, round_ = part.y - HEIGHT / 2, 16 if part.leaf else 3
         fill = LEAF if part.leaf else BOX
         yield (
-            f'<rect x="{part.x:.1f}" y="{top:.1f}" width="{width:.1f}" height="{HEIGHT}" rx="{round_}" '
+            f'<rect x="{part.x:.1f}" y="{top:.1f}" width="{width:.1f}" height="{HEIGHT}" '
+            f'rx="{round_}" '
             f'fill="{fill}" stroke="{INK}"/>'
         )
         for place, line in enumerate(part.lines):

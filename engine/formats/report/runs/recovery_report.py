@@ -46,7 +46,9 @@ class RecoveryRepair(Protocol):
 
 
 class PlannedRecovery(Protocol):
-    """A plan for the rest, how it was made, how it differs from the failed plan, and the changes of a kept sequence."""
+    """A plan for the rest, how it was made, how it differs from the failed plan, and the
+    changes of a kept sequence.
+    """
 
     @property
     def problem(self) -> Problem: ...
@@ -77,7 +79,9 @@ def recovery_entry(recovery: PlannedRecovery) -> dict[str, Any]:
     }
     if recovery.way != "planned":
         parts = {"kept": recovery.kept, "dropped": recovery.dropped, "added": recovery.added}
-        content["revision"] = {name: [str(step.operator) for step in steps] for name, steps in parts.items()}
+        content["revision"] = {
+            name: [str(step.operator) for step in steps] for name, steps in parts.items()
+        }
     if recovery.repair is not None:
         steps = [str(step.operator) for step in recovery.repair.prepared.steps]
         content["repair"] = {"name": recovery.repair.name, "steps": steps}
@@ -92,7 +96,10 @@ def recovery_text(recovery: PlannedRecovery) -> RenderableType:
     """How the plan was made, the plan, and the kept sequence."""
     way_text = PARTLY if recovery.given_up else RECOVERY_WAYS[recovery.way]
     if recovery.way != "planned":
-        way_text += f": {count_noun(len(recovery.kept), 'step')} kept, {len(recovery.dropped)} dropped, {len(recovery.added)} added"
+        way_text += (
+            f": {count_noun(len(recovery.kept), 'step')} kept, {len(recovery.dropped)} dropped, "
+            f"{len(recovery.added)} added"
+        )
     first = [Text(line) for line in _repair_lines(recovery.repair)]
     shown: list[RenderableType] = [
         *first,
@@ -106,7 +113,10 @@ def recovery_text(recovery: PlannedRecovery) -> RenderableType:
         )
     ]
     if recovery.sequence is not None:
-        shown += [Text("the kept sequence was updated:"), sequence_progress.sequence_text(recovery.sequence)]
+        shown += [
+            Text("the kept sequence was updated:"),
+            sequence_progress.sequence_text(recovery.sequence),
+        ]
     return Group(*shown)
 
 
@@ -141,7 +151,9 @@ if TYPE_CHECKING:
 
 
 def revision_entry(revision: "PlanRevision", follows: "Follows") -> dict[str, Any]:
-    """The revision as data: the steps kept, dropped and added, and what follows from what was observed."""
+    """The revision as data: the steps kept, dropped and added, and what follows from what was
+    observed.
+    """
 
     parts = {"kept": revision.kept, "dropped": revision.dropped, "added": revision.added}
     return {
@@ -162,16 +174,22 @@ def revision_text(revision: "PlanRevision", follows: "Follows") -> "RenderableTy
     from cellwright.engine.formats.report.plans import outcome_tables
 
     report_lines = [
-        f"{revision.way}: {count_noun(len(revision.kept), 'step')} kept, {len(revision.dropped)} dropped, {len(revision.added)} added"
+        f"{revision.way}: {count_noun(len(revision.kept), 'step')} kept, "
+        f"{len(revision.dropped)} dropped, {len(revision.added)} added"
     ]
     report_lines += [f"  - {step.operator}" for step in revision.dropped]
     report_lines += [f"  + {step.operator}" for step in revision.added]
     if revision.repair_cost is not None and revision.replanning_cost is not None:
-        report_lines.append(f"repair costs {revision.repair_cost}, replanning {revision.replanning_cost}")
-    report_lines += [f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in follows]
+        report_lines.append(
+            f"repair costs {revision.repair_cost}, replanning {revision.replanning_cost}"
+        )
+    report_lines += [
+        f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in follows
+    ]
     report_lines += given_up_lines(
         (given_up_goal.goal, given_up_goal.why) for given_up_goal in revision.given_up
     )
     return Group(
-        outcome_tables.outcome_text(revision.outcome, revision.problem), Text("\n".join(report_lines))
+        outcome_tables.outcome_text(revision.outcome, revision.problem),
+        Text("\n".join(report_lines)),
     )

@@ -19,7 +19,8 @@ SEVERAL = 8  # names that are listed
 
 
 def results_text(results: Results, subjects: Collection[str] | None = None) -> RenderableType:
-    """The results for a terminal: what was measured, and the histories of some objects; of all without `subjects`.
+    """The results for a terminal: what was measured, and the histories of some objects; of all
+    without `subjects`.
 
     Histories of other objects are shown as well if they are short.
     """
@@ -37,7 +38,9 @@ def _result_parts(results: Results, subjects: Collection[str] | None) -> Iterato
     else:
         yield Text("Nothing was measured.")
     whole = subjects is None or len(results.history) <= MIN_SHOWN_STEPS
-    shown = [treatment for treatment in results.history if whole or treatment.object in (subjects or ())]
+    shown = [
+        treatment for treatment in results.history if whole or treatment.object in (subjects or ())
+    ]
     if shown:
         yield Text("")
         yield TextTable(HISTORY_HEAD, list(_history_rows(shown)), NUMBER_COLUMNS)

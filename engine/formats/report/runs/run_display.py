@@ -32,7 +32,8 @@ HALTED = "stopped"
 
 @dataclass(frozen=True, slots=True)
 class StepBar:
-    """A step of a plan: when it begins and how long it lasts, as forecast or as it was, and how it stands.
+    """A step of a plan: when it begins and how long it lasts, as forecast or as it was, and how it
+    stands.
 
     It stands `planned`, `running`, `done` or `failed`.
     """
@@ -45,7 +46,9 @@ class StepBar:
 
 
 def begin_text(window: StartWindow | None) -> str:
-    """When a step probably begins, and by how much this may be off; nothing but its place in the order if nobody can say."""
+    """When a step probably begins, and by how much this may be off; nothing but its place in
+    the order if nobody can say.
+    """
     if window is None:
         return "later"
     off = round(window.off_ms / 1000)
@@ -55,7 +58,9 @@ def begin_text(window: StartWindow | None) -> str:
 
 @dataclass
 class RunStanding:
-    """A run up to a record: `bars` are the steps of its last plan, `past` those of plans before it that had begun."""
+    """A run up to a record: `bars` are the steps of its last plan, `past` those of plans before
+    it that had begun.
+    """
 
     run: str
     phase: str = "ready"
@@ -68,16 +73,21 @@ class RunStanding:
     )  # stream, action, since, lasts
     facts: deque[str] = field(default_factory=lambda: deque(maxlen=FACTS))
     log: deque[str] = field(default_factory=lambda: deque(maxlen=LOG))
-    accuracy: Accuracy = field(default_factory=Accuracy)  # of the forecasts of this run, as far as it is
+    # of the forecasts of this run, as far as it is
+    accuracy: Accuracy = field(default_factory=Accuracy)
     tolerance_ms: int = TOLERANCE_MS  # starts that may be off by more are not told
     program: ActivityProgram | None = None
     _ahead: Mapping[int, StartWindow | None] | None = None
 
     def ahead(self) -> Mapping[int, StartWindow | None]:
-        """The steps that have not begun, in the order of the forecast: when each begins, or None where that cannot be said."""
+        """The steps that have not begun, in the order of the forecast: when each begins, or
+        None where that cannot be said.
+        """
         if self._ahead is None and self.program is not None:
             running = {
-                n: Running(n, bar.start_ms) for n, bar in self.bars.items() if bar.standing == "running"
+                n: Running(n, bar.start_ms)
+                for n, bar in self.bars.items()
+                if bar.standing == "running"
             }
             done = [n for n, bar in self.bars.items() if bar.standing == "done"]
             standing = standing_of(self.program, self.now_ms, 0, RunPhase.RUNNING, done, running)
@@ -169,16 +179,25 @@ class RunStanding:
 
 MAX_NEXT_STEPS = 5  # steps that have not begun
 DEVICE_NAME_WIDTH = 16  # columns for the name of a device
-FRAME_LINES = 10  # lines that are always there: the border, what is done, headings, and what is left blank
+# lines that are always there: the border, what is done, headings, and what is left blank
+FRAME_LINES = 10
 DISPLAY_KEYS = "p pause or continue   i interrupt   s stop   q leave the display"
 FEW_KEYS = "p pause  i interrupt  s stop  q leave"
-PHASE_WORDS = {"interrupting": "will pause", "quiescing": "comes to rest after a failure"}  # in plain words
-STANDING_STYLES = {"done": "green", "running": "bold yellow", "failed": "bold red", "planned": "dim"}
+# in plain words
+PHASE_WORDS = {"interrupting": "will pause", "quiescing": "comes to rest after a failure"}
+STANDING_STYLES = {
+    "done": "green",
+    "running": "bold yellow",
+    "failed": "bold red",
+    "planned": "dim",
+}
 
 
 @dataclass
 class RunDisplay(RunStanding):
-    """How a run stands, on a terminal; `passed_ms` is the time on the run's clock since the last record."""
+    """How a run stands, on a terminal; `passed_ms` is the time on the run's clock since the
+    last record.
+    """
 
     passed_ms: Callable[[], float] = lambda: 0.0
     told: str = ""  # the last order to pause or go on that nothing has come of yet
@@ -190,21 +209,36 @@ class RunDisplay(RunStanding):
             self.told = ""
 
     def toggled(self) -> str:
-        """The order that a person wants who pauses what goes on, or continues what pauses or is about to."""
-        pauses = self.told or ("interrupt" if self.phase in ("paused", "interrupting") else "continue")
+        """The order that a person wants who pauses what goes on, or continues what pauses or is
+        about to.
+        """
+        pauses = self.told or (
+            "interrupt" if self.phase in ("paused", "interrupting") else "continue"
+        )
         self.told = "continue" if pauses == "interrupt" else "interrupt"
         return self.told
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        now, chart = self._shown_ms(), list(self._chart(max(10, options.max_width - DEVICE_NAME_WIDTH - 6)))
+    def __rich_console__(
+        self, console: Console, options: ConsoleOptions
+    ) -> Iterator[RenderableType]:
+        now, chart = (
+            self._shown_ms(),
+            list(self._chart(max(10, options.max_width - DEVICE_NAME_WIDTH - 6))),
+        )
         ahead = list(self.ahead().items())
         fixed = FRAME_LINES + len(self.under_way) + len(chart)
         log, following, facts = share_lines(
-            options.max_height - 1 - fixed, (len(self.log), min(MAX_NEXT_STEPS, len(ahead)), len(self.facts))
+            options.max_height - 1 - fixed,
+            (len(self.log), min(MAX_NEXT_STEPS, len(ahead)), len(self.facts)),
         )
         done = sum(step_bar.standing == "done" for step_bar in (*self.past, *self.bars.values()))
-        title = f"{self.run}: {PHASE_WORDS.get(self.phase, self.phase)}, {duration_text(now)} of about {duration_text(max(self.end_ms, now))}"
-        parts: list[RenderableType] = [Text(f"{count_noun(done, 'step')} done, {len(self.bars)} in the plan")]
+        title = (
+            f"{self.run}: {PHASE_WORDS.get(self.phase, self.phase)}, {duration_text(now)} of "
+            f"about {duration_text(max(self.end_ms, now))}"
+        )
+        parts: list[RenderableType] = [
+            Text(f"{count_noun(done, 'step')} done, {len(self.bars)} in the plan")
+        ]
         parts += [self._current(), Text(), self._next(ahead[:following]), Text(), *chart, Text()]
         parts += [
             Text("last changes", "bold"),
@@ -219,7 +253,9 @@ class RunDisplay(RunStanding):
         )
 
     def _shown_ms(self) -> int:
-        """The time now, in whole seconds: while something is under way, the clock goes on without records."""
+        """The time now, in whole seconds: while something is under way, the clock goes on
+        without records.
+        """
         passed = self.passed_ms() if self.under_way else 0.0
         return self.now_ms if not passed else round((self.now_ms + passed) / 1000) * 1000
 
@@ -231,8 +267,12 @@ class RunDisplay(RunStanding):
         return table
 
     def _next(self, ahead: Sequence[tuple[int, StartWindow | None]]) -> Table:
-        """Steps that come next, with the times at which they probably begin as far as these can be told."""
-        table = Table("device", "next step", Column("begins", no_wrap=True), box=None, pad_edge=False)
+        """Steps that come next, with the times at which they probably begin as far as these can
+        be told.
+        """
+        table = Table(
+            "device", "next step", Column("begins", no_wrap=True), box=None, pad_edge=False
+        )
         for step, window in ahead:
             bar = self.bars[step]
             table.add_row(_cut_line(bar.stream), _cut_line(bar.step), _cut_line(begin_text(window)))
@@ -245,15 +285,22 @@ class RunDisplay(RunStanding):
         scale = width / max(1, last, self.now_ms)
         for stream in dict.fromkeys(bar.stream for bar in bars):
             line = Text(f"{stream[: DEVICE_NAME_WIDTH - 1]:<{DEVICE_NAME_WIDTH}}")
-            line.append_text(_device_lane([bar for bar in bars if bar.stream == stream], scale, width))
+            line.append_text(
+                _device_lane([bar for bar in bars if bar.stream == stream], scale, width)
+            )
             yield line
         now = min(width - 1, int(self._shown_ms() * scale))
         mark = "| now" if now < width - 6 else "now |"
-        yield Text(" " * (DEVICE_NAME_WIDTH + now - (0 if mark[0] == "|" else len(mark) - 1)) + mark, "bold")
+        yield Text(
+            " " * (DEVICE_NAME_WIDTH + now - (0 if mark[0] == "|" else len(mark) - 1)) + mark,
+            "bold",
+        )
 
 
 def share_lines(lines: int, wanted_lines: Sequence[int]) -> list[int]:
-    """How many lines each part gets if there are so many: one after another in turn, none more than it wants."""
+    """How many lines each part gets if there are so many: one after another in turn, none more
+    than it wants.
+    """
     granted = [0] * len(wanted_lines)
     while lines > 0 and any(got < most for got, most in zip(granted, wanted_lines, strict=True)):
         for part, most in enumerate(wanted_lines):
@@ -279,7 +326,11 @@ def _device_lane(bars: list[StepBar], scale: float, width: int) -> Text:
         last = min(width - 1, max(first, int((lane_bar.start_ms + lane_bar.lasts_ms) * scale) - 1))
         for place in range(first, last + 1):
             cells[place] = (
-                "." if lane_bar.standing == "planned" else "X" if lane_bar.standing == "failed" else "="
+                "."
+                if lane_bar.standing == "planned"
+                else "X"
+                if lane_bar.standing == "failed"
+                else "="
             )
             styles[place] = STANDING_STYLES[lane_bar.standing]
     text = Text()

@@ -45,9 +45,15 @@ def ending_text(ending: "Finish", store: str) -> RenderableType:
     """The ending in a few lines."""
     why = f": {ending.why}" if ending.why else ""
     lines = [Text(f"Run {ending.run}: {ENDING_WORDS[ending.outcome]}{why}.")]
-    took = f"{duration_text(ending.makespan_ms)} on the run's clock; the first plan was forecast to take {duration_text(ending.forecast_ms)}"
+    took = (
+        f"{duration_text(ending.makespan_ms)} on the run's clock; the first plan was forecast "
+        f"to take {duration_text(ending.forecast_ms)}"
+    )
     lines.append(
-        Text(f"{count_noun(ending.steps, 'step')}, {count_noun(ending.exceptions, 'exception')}, {took}.")
+        Text(
+            f"{count_noun(ending.steps, 'step')}, {count_noun(ending.exceptions, 'exception')}, "
+            f"{took}."
+        )
     )
     lines += [Text(f"  {story_line}") for story_line in ending.story]
     lines += [Text(f"  {given_up_line}") for given_up_line in given_up_lines(ending.given_up)]
@@ -72,7 +78,9 @@ def duration_text(ms: int) -> str:
     if ms < 120_000:
         return f"{ms / 1000:g} s"
     minutes, seconds = divmod(round(ms / 1000), 60)
-    return f"{minutes} min {seconds} s" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
+    return (
+        f"{minutes} min {seconds} s" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
+    )
 
 
 MAX_WANTED_GOALS = 8  # goals that are listed
@@ -89,7 +97,11 @@ def narrate_problem(problem: Problem) -> list[str]:
     """What a problem wants, in plain lines: its chains of stages, and its goals."""
     goal_lines = [", then ".join(map(str, chain.stages)) for chain in problem.chains]
     goal_lines += [str(goal_part) for goal_part in goal_parts(problem.goal)]
-    more = [f"  and {len(goal_lines) - MAX_WANTED_GOALS} more"] if len(goal_lines) > MAX_WANTED_GOALS else []
+    more = (
+        [f"  and {len(goal_lines) - MAX_WANTED_GOALS} more"]
+        if len(goal_lines) > MAX_WANTED_GOALS
+        else []
+    )
     return ["Wanted:", *(f"  {goal_line}" for goal_line in goal_lines[:MAX_WANTED_GOALS]), *more]
 
 
@@ -97,7 +109,10 @@ def _narrate_plan(content: Content, now: str) -> Iterator[str]:
     devices = {plan_step["stream"] for plan_step in content["steps"]}
     many = f"{count_noun(len(content['steps']), 'step')} on {count_noun(len(devices), 'device')}"
     if content["why"] != "first":
-        yield f"{now}: goes on with another plan ({content['why']}): {many}, forecast to end at {duration_text(content['forecast_ms'])}"
+        yield (
+            f"{now}: goes on with another plan ({content['why']}): {many}, forecast to end at "
+            f"{duration_text(content['forecast_ms'])}"
+        )
         return
     yield f"Planned and scheduled: {many}, forecast to take {duration_text(content['forecast_ms'])}"
     yield "Carried out:"
@@ -112,9 +127,17 @@ def _narrate_finding(content: Content, now: str) -> Iterator[str]:
 
 
 def _narrate_diagnosis(content: Content, now: str) -> Iterator[str]:
-    causes = ", or ".join(f"{cause} ({round(100 * p)} %)" for cause, p in content["causes"][:2] if p >= 0.005)
+    causes = ", or ".join(
+        f"{cause} ({round(100 * p)} %)" for cause, p in content["causes"][:2] if p >= 0.005
+    )
     cured = content["cured"]
-    helped = f"; put right by {cured}" if isinstance(cured, str) and cured else "; put right" if cured else ""
+    helped = (
+        f"; put right by {cured}"
+        if isinstance(cured, str) and cured
+        else "; put right"
+        if cured
+        else ""
+    )
     yield f"{now}:   diagnosed: {causes or 'none of the known causes'}{helped}"
 
 
@@ -137,7 +160,9 @@ def _narrate_trouble(content: Content, now: str) -> Iterator[str]:
 
 
 def _narrate_order(content: Content, now: str) -> Iterator[str]:
-    yield f"{now}: order from the {content['origin']}: {content['order']} {content['given']}".rstrip()
+    yield (
+        f"{now}: order from the {content['origin']}: {content['order']} {content['given']}"
+    ).rstrip()
 
 
 def _narrate_phase(content: Content, now: str) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """Conformance test for makers of controllers: whether one keeps the protocol, point by point.
 
-It carries out the first steps of a plan, so it belongs in a cell where nothing can be hurt, or before a simulated one.
+It carries out the first steps of a plan, so it belongs in a cell where nothing can be hurt, or
+before a simulated one.
 """
 
 import time
@@ -46,19 +47,27 @@ class CheckedPoint:
 
 
 def check_conformance(setup: DriverSetup, commands: Sequence[DriverCommand]) -> list[CheckedPoint]:
-    """What a controller makes of each point of the protocol. Raises `InvalidInput` for options that name none."""
+    """What a controller makes of each point of the protocol.
+
+    Raises `InvalidInput` for options that name none.
+    """
     place, patience = place_of(setup.options), patience_of(setup.options)
     return list(_protocol_points(place, patience, setup, commands[:CONFORMANCE_STEPS]))
 
 
 def _protocol_points(
-    place: ControllerAddress, patience: Patience, setup: DriverSetup, commands: Sequence[DriverCommand]
+    place: ControllerAddress,
+    patience: Patience,
+    setup: DriverSetup,
+    commands: Sequence[DriverCommand],
 ) -> Iterator[CheckedPoint]:
     yield _check_point(
-        "refuses another version of the protocol", lambda: _refuses_nonsense(place, patience, setup.run)
+        "refuses another version of the protocol",
+        lambda: _refuses_nonsense(place, patience, setup.run),
     )
     yield _check_point(
-        "answers each question, and survives garbage", lambda: _answers_questions(place, patience, setup.run)
+        "answers each question, and survives garbage",
+        lambda: _answers_questions(place, patience, setup.run),
     )
     try:
         driver = ControllerDriver(place, patience, setup.run)
@@ -68,7 +77,8 @@ def _protocol_points(
     try:
         yield CheckedPoint("greets the driver")
         yield _check_point(
-            "knows nothing of commands that were never sent", lambda: _reports_unknown(driver, commands)
+            "knows nothing of commands that were never sent",
+            lambda: _reports_unknown(driver, commands),
         )
         yield from _carried_out(driver, commands)
         yield _check_point("quiesces", lambda: _ignore_answer(driver.quiesce(1000)))
@@ -96,13 +106,18 @@ def _ignore_answer(_: object) -> None:
     return None
 
 
-def _carried_out(driver: ControllerDriver, commands: Sequence[DriverCommand]) -> Iterator[CheckedPoint]:
+def _carried_out(
+    driver: ControllerDriver, commands: Sequence[DriverCommand]
+) -> Iterator[CheckedPoint]:
     """Each command is answered once, as the domain expects, and is not carried out again."""
     for command in commands:
         yield _check_point(
-            f"carries out {command.action} and replies once", partial(_replies_once, driver, command)
+            f"carries out {command.action} and replies once",
+            partial(_replies_once, driver, command),
         )
-    yield _check_point("does not carry out a command twice", lambda: _executes_once(driver, commands))
+    yield _check_point(
+        "does not carry out a command twice", lambda: _executes_once(driver, commands)
+    )
 
 
 def _open_link(place: ControllerAddress, patience: Patience) -> ControllerLink:
@@ -140,7 +155,9 @@ def _answers_questions(place: ControllerAddress, patience: Patience, run: str) -
 def _ask_controller(link: ControllerLink, type_: str, content: dict[str, Any]) -> dict[str, Any]:
     answer = link.ask(type_, **content)
     if answer["type"] != ANSWER_OF_QUESTION[type_]:
-        raise ProtocolViolation(f"it answers `{type_}` with `{answer['type']}`: {answer.get('why', '')}")
+        raise ProtocolViolation(
+            f"it answers `{type_}` with `{answer['type']}`: {answer.get('why', '')}"
+        )
     return answer
 
 
@@ -149,7 +166,8 @@ def _reports_unknown(driver: ControllerDriver, commands: Sequence[DriverCommand]
     for report in driver.report(numbers):
         if report.fate is not Fate.UNKNOWN:
             raise ProtocolViolation(
-                f"it says that command {report.number}, which was never sent, is {report.fate.value}"
+                f"it says that command {report.number}, which was never sent, is "
+                f"{report.fate.value}"
             )
 
 
@@ -158,7 +176,9 @@ def _replies_once(driver: ControllerDriver, command: DriverCommand) -> None:
     end = time.monotonic() + (command.timeout_ms or 60_000) / 1000
     replies: list[Reply] = []
     while not replies and time.monotonic() < end:
-        for message in driver.receive(None if driver.tick_ms is None else driver.now_ms() + driver.tick_ms):
+        for message in driver.receive(
+            None if driver.tick_ms is None else driver.now_ms() + driver.tick_ms
+        ):
             if not isinstance(message, Reply):
                 raise ProtocolViolation(f"{message.kind.value}: {message.text}")
             replies.append(message)
@@ -173,7 +193,9 @@ def _executes_once(driver: ControllerDriver, commands: Sequence[DriverCommand]) 
     driver.link.ask("send", commands=[command_entry(command) for command in commands])
     until = None if driver.tick_ms is None else driver.now_ms() + 5 * driver.tick_ms
     if came := driver.receive(until):
-        raise ProtocolViolation(f"it says something of a command that was sent again: {came[0].text}")
+        raise ProtocolViolation(
+            f"it says something of a command that was sent again: {came[0].text}"
+        )
     if driver.report([command.number for command in commands]) != before:
         raise ProtocolViolation("its reports of commands change when they are sent again")
 

@@ -1,6 +1,7 @@
 """Connection to a controller over TCP or standard streams, with heartbeats, and its options.
 
-An event loop in a thread of its own reads and writes. The one thread that drives asks, and takes what came from a queue.
+An event loop in a thread of its own reads and writes. The one thread that drives asks, and takes
+what came from a queue.
 """
 
 import asyncio
@@ -42,7 +43,9 @@ class ControllerAddress:
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """How long a controller may take: to begin, to answer, between two signs of life, and to be there again. Seconds."""
+    """How long a controller may take: to begin, to answer, between two signs of life, and to be
+    there again. Seconds.
+    """
 
     begin_s: float = 30.0
     answer_s: float = 5.0
@@ -127,7 +130,9 @@ class ControllerLink:
         self._loop.call_soon_threadsafe(self._hang_up)
 
     def close(self) -> None:
-        """Say goodbye. A controller that listens lives on; one that was started here is left to end by itself."""
+        """Say goodbye. A controller that listens lives on; one that was started here is left to
+        end by itself.
+        """
         self._closing = True
         with contextlib.suppress(RuntimeError):
             self._loop.call_soon_threadsafe(self._write, protocol_line("bye"))
@@ -259,12 +264,20 @@ def place_of(options: Mapping[str, str]) -> ControllerAddress:
     if strange is not None:
         reason = f"the driver `external` has no option '{strange}'"
         raise InvalidInput(
-            [Diagnostic(Source("--option"), "K406", reason, f"one of {', '.join(CONTROLLER_OPTIONS)}")]
+            [
+                Diagnostic(
+                    Source("--option"), "K406", reason, f"one of {', '.join(CONTROLLER_OPTIONS)}"
+                )
+            ]
         )
     command, address = options.get("command", ""), options.get("address", "")
     host, _, port = address.rpartition(":")
-    if bool(command) == bool(address) or (address and not (host and is_count(port) and int(port) < 65536)):
-        raise InvalidInput([Diagnostic(Source("--option"), "K409", "where is the controller?", ADDRESS_HINT)])
+    if bool(command) == bool(address) or (
+        address and not (host and is_count(port) and int(port) < 65536)
+    ):
+        raise InvalidInput(
+            [Diagnostic(Source("--option"), "K409", "where is the controller?", ADDRESS_HINT)]
+        )
     return ControllerAddress(command, host, int(port or 0))
 
 
@@ -283,7 +296,9 @@ def patience_of(options: Mapping[str, str]) -> Patience:
         )
     except NumberError as error:
         reason = f"a number of seconds {error}"
-        raise InvalidInput([Diagnostic(Source("--option"), "K406", reason, "write answer=5")]) from None
+        raise InvalidInput(
+            [Diagnostic(Source("--option"), "K406", reason, "write answer=5")]
+        ) from None
     if not (0 < begin < 1e6 and 0 < answer < 1e6 and 0 < beat < 1e6 and 0 <= again < 1e6):
         raise InvalidInput(
             [Diagnostic(Source("--option"), "K406", "a time must be more than 0 s", "give seconds")]

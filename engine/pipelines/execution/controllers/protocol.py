@@ -37,7 +37,9 @@ class MalformedLine(Exception):
 
 @dataclass(frozen=True, slots=True)
 class ControllerReady:
-    """What a controller says of itself: its name and clock, its tick, and how many commands its devices queue."""
+    """What a controller says of itself: its name and clock, its tick, and how many commands its
+    devices queue.
+    """
 
     name: str
     now_ms: int
@@ -71,7 +73,8 @@ def read_ready(content: Mapping[str, Any]) -> ControllerReady:
     """What a controller says of itself. Raises `Garbage`."""
     if content.get("version") != PROTOCOL_VERSION:
         raise MalformedLine(
-            f"the controller speaks version {content.get('version')} of the protocol, not {PROTOCOL_VERSION}"
+            f"the controller speaks version {content.get('version')} of the protocol, not "
+            f"{PROTOCOL_VERSION}"
         )
     virtual = content.get("clock") == "virtual"
     tick = None if virtual else _whole_number(content, "tick_ms", 100)
@@ -90,7 +93,9 @@ def read_reply(content: Mapping[str, Any], now_ms: int) -> Reply:
     text, data = content.get("text"), content.get("data", {})
     if not isinstance(text, str) or not isinstance(data, dict):
         raise MalformedLine(f"a reply without a text: {_short_text(json.dumps(content).encode())}")
-    return Reply(_whole_number(content, "number"), text, _whole_number(content, "at_ms", now_ms), data)
+    return Reply(
+        _whole_number(content, "number"), text, _whole_number(content, "at_ms", now_ms), data
+    )
 
 
 def read_reports(content: Mapping[str, Any], now_ms: int) -> list[Report]:
@@ -184,7 +189,9 @@ def read_commands(content: Mapping[str, Any]) -> Sequence[DriverCommand]:
 def _whole_number(content: Mapping[str, Any], key: str, otherwise: int | None = None) -> int:
     value = content.get(key, otherwise)
     if not isinstance(value, int) or isinstance(value, bool):
-        raise MalformedLine(f"`{key}` is no whole number: {_short_text(json.dumps(value).encode())}")
+        raise MalformedLine(
+            f"`{key}` is no whole number: {_short_text(json.dumps(value).encode())}"
+        )
     return value
 
 

@@ -1,6 +1,7 @@
 """Reference controller: serves the simulated cell behind the protocol, over TCP or streams.
 
-It shows makers of controllers what is asked of one, and it lives on when a run dies, so that the run can be resumed.
+It shows makers of controllers what is asked of one, and it lives on when a run dies, so that the
+run can be resumed.
 """
 
 import asyncio
@@ -94,7 +95,9 @@ class Conversation:
             raise MalformedLine(f"unknown: `{type_}`")
         came, content = getattr(self, f"_{type_}")(asked)
         lines = [
-            protocol_line("reply", **reply_entry(message)) for message in came if isinstance(message, Reply)
+            protocol_line("reply", **reply_entry(message))
+            for message in came
+            if isinstance(message, Reply)
         ]
         return [*lines, protocol_line(ANSWER_OF_QUESTION[type_], id=asked.get("id"), **content)]
 
@@ -197,7 +200,9 @@ async def _serve_standard_streams(cell: ServedCell) -> None:
 
 
 def serve_controller(setup: DriverSetup, host: str = "", port: int = 0) -> None:
-    """Serve a simulated cell until the connection ends, or, at an address, until the process is ended."""
+    """Serve a simulated cell until the connection ends, or, at an address, until the process is
+    ended.
+    """
     cell = ServedCell(setup)
     simulated_driver(
         replace(setup, factor=0.0, options={k: v for k, v in setup.options.items() if k != "log"})

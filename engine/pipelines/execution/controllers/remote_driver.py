@@ -1,7 +1,8 @@
 """Driver for a controller in another process, and the commands it has not answered yet.
 
-A connection that breaks is made again within a time. Then the controller is asked what became of the commands that are open:
-those that it never got are sent again under their numbers, and replies that were missed are given late.
+A connection that breaks is made again within a time. Then the controller is asked what became of
+the commands that are open: those that it never got are sent again under their numbers, and replies
+that were missed are given late.
 """
 
 import queue
@@ -51,7 +52,8 @@ from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 @dataclass
 class PendingCommands:
-    """What is open at a controller. `lookahead` says how many commands a stream queues; `virtual` is its clock.
+    """What is open at a controller. `lookahead` says how many commands a stream queues; `virtual`
+    is its clock.
 
     `out` are the messages that are to be given to the executive.
     """
@@ -63,7 +65,8 @@ class PendingCommands:
     _sent: dict[int, int] = field(default_factory=dict)  # when each open command was sent
     _ended: MutableSet[int] = field(default_factory=NumberSet)
     _parts: dict[tuple[int, str], list[str]] = field(default_factory=dict)
-    _held: dict[int, Reply] = field(default_factory=dict)  # came before those of commands ahead in the queue
+    # came before those of commands ahead in the queue
+    _held: dict[int, Reply] = field(default_factory=dict)
 
     def fresh(self, commands: Sequence[DriverCommand], now_ms: int) -> list[DriverCommand]:
         """The commands that have neither ended nor been sent; they are open from now on."""
@@ -108,7 +111,9 @@ class PendingCommands:
         return {name: "".join(self._parts.pop((number, name))) for _, name in keys}
 
     def replied(self, reply: Reply, now_ms: int) -> None:
-        """Take in a reply with the pieces that came before it; one that cannot be is told as trouble."""
+        """Take in a reply with the pieces that came before it; one that cannot be is told as
+        trouble.
+        """
         reply = replace(reply, data={**reply.data, **self._joined(reply.number)})
         command = self.open.get(reply.number)
         if reply.number in self._ended:
@@ -119,7 +124,10 @@ class PendingCommands:
             self._trouble(now_ms, TroubleKind.STRANGE, text, reply.number)
         elif (ahead := self._ahead(command)) is not None:
             self._held[reply.number] = reply
-            text = f"a reply to command {reply.number} before that of command {ahead}, which is ahead of it"
+            text = (
+                f"a reply to command {reply.number} before that of command {ahead}, which is "
+                "ahead of it"
+            )
             self._trouble(now_ms, TroubleKind.STRANGE, text, reply.number)
         elif self._is_late(command, reply, now_ms):
             self.close(reply.number)
@@ -185,7 +193,10 @@ class ControllerDriver:
         self._greet()
 
     def _greet(self) -> None:
-        """Wait for the connection, and hear what the controller says of itself. Raises `InvalidInput` if there is none."""
+        """Wait for the connection, and hear what the controller says of itself.
+
+        Raises `InvalidInput` if there is none.
+        """
         end = time.monotonic() + self._patience.reconnect_s + self._patience.answer_s
         try:
             self._await_connection(end)
@@ -193,7 +204,9 @@ class ControllerDriver:
         except (ControllerLost, NoAnswer, MalformedLine) as error:
             self.close()
             reason = f"the controller does not answer: {error}"
-            raise InvalidInput([Diagnostic(Source("--driver"), "K425", reason, ADDRESS_HINT)]) from None
+            raise InvalidInput(
+                [Diagnostic(Source("--driver"), "K425", reason, ADDRESS_HINT)]
+            ) from None
 
     def _introduce(self) -> None:
         answer = self.link.ask("hello", **hello_content(self._run))
@@ -311,7 +324,10 @@ class ControllerDriver:
             self._trouble(TroubleKind.LOST, self._lost)
 
     def _ask(self, type_: str, **content: Any) -> dict[str, Any] | None:
-        """Ask the controller, over a connection made again if need be. None, and the loss is told, if that fails, too."""
+        """Ask the controller, over a connection made again if need be.
+
+        None, and the loss is told, if that fails, too.
+        """
         why = ""
         for _ in range(MAX_ATTEMPTS):
             if self._lost:
@@ -358,7 +374,11 @@ class ControllerDriver:
         try:
             self._introduce()
             numbers = sorted(self._pending.open)
-            reports = read_reports(self.link.ask("report", numbers=numbers), self.now_ms()) if numbers else []
+            reports = (
+                read_reports(self.link.ask("report", numbers=numbers), self.now_ms())
+                if numbers
+                else []
+            )
         except MalformedLine as error:
             raise NoTimelyAnswer(str(error)) from None
         again = [

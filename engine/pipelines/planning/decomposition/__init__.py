@@ -1,8 +1,8 @@
 """Plans made part by part: parts that follow one another are never grounded as a whole.
 
-The parts of an inspection are its measurements, in the order of the sequencer. Each is planned in the state that the last
-one leaves. The parts are joined, and the whole plan passes the gate. Where that does not lead to a plan, the caller plans
-the whole problem.
+The parts of an inspection are its measurements, in the order of the sequencer. Each is planned in
+the state that the last one leaves. The parts are joined, and the whole plan passes the gate. Where
+that does not lead to a plan, the caller plans the whole problem.
 """
 
 import time
@@ -68,10 +68,11 @@ def by_sequence(
     store: str = "",
     cheap: bool = False,
 ) -> SequencedOutcome | None:
-    """The outcome for an inspection whose measurements are put in order first; None if that leads to no plan.
+    """The outcome for an inspection whose measurements are put in order first; None if that leads
+    to no plan.
 
-    None as well for a problem that is no inspection. Of the orders of runs, one whose plan is the fastest is taken, or the
-    `cheap` one. Raises `InvalidInput`.
+    None as well for a problem that is no inspection. Of the orders of runs, one whose plan is the
+    fastest is taken, or the `cheap` one. Raises `InvalidInput`.
     """
     started = time.perf_counter()
     if not chooses_tools(problem.domain):
@@ -96,10 +97,14 @@ def by_sequence(
 def shares_of(
     problem: Problem, more: TourDemands = TourDemands(), limits: TourLimits = TourLimits()
 ) -> SharedMeasurements | Infeasible | GaveUp | None:
-    """How several arms share the measurements of a problem; None if one arm makes them all. Raises `InvalidInput`."""
+    """How several arms share the measurements of a problem; None if one arm makes them all.
+    Raises `InvalidInput`.
+    """
     if not is_shared(problem):
         return None
-    return share_measurements(problem, partition_by_tool(problem), more, limits, chain_of(problem, limits))
+    return share_measurements(
+        problem, partition_by_tool(problem), more, limits, chain_of(problem, limits)
+    )
 
 
 def _on_time(
@@ -138,13 +143,17 @@ def _plan_itinerary(problem: Problem, route: Itinerary, line: PartChain) -> Outc
 def _refuse_part(
     line: PartChain, start: Situation, route: Itinerary, part: PlanningPart, outcome: Outcome
 ) -> Outcome | None:
-    """Why there is no plan, if that is certain or the planner gave up: the part has no plan by itself either."""
+    """Why there is no plan, if that is certain or the planner gave up: the part has no plan by
+    itself either.
+    """
     if isinstance(outcome, GaveUp):
         return outcome
     alone = line.alone(part, start)
     if isinstance(alone, Infeasible):
         reasons = route.partition.impossible
-        impossible_texts = [f"{name}: {reasons[name]}" for name in sorted(reasons, key=natural_name_key)]
+        impossible_texts = [
+            f"{name}: {reasons[name]}" for name in sorted(reasons, key=natural_name_key)
+        ]
         more_text = f"; {', '.join(impossible_texts)}" if impossible_texts and not part.name else ""
         about = f"{part.name}: " if part.name else ""
         return Infeasible(f"{about}{alone.reason}{more_text}", alone.statistics)
@@ -154,10 +163,14 @@ def _refuse_part(
 
 
 def _leave_to_whole_plan(problem: Problem, why: str) -> Outcome | None:
-    """What is left to say if parts do not follow one another: nothing if the whole problem can be planned at once."""
+    """What is left to say if parts do not follow one another: nothing if the whole problem can
+    be planned at once.
+    """
     if bound_instances(problem) <= LARGE_INSTANCES:
         return None
-    reason = f"in the order of the sequence {why}, and the problem is too large to be planned as a whole"
+    reason = (
+        f"in the order of the sequence {why}, and the problem is too large to be planned as a whole"
+    )
     return GaveUp(reason, "memory")
 
 

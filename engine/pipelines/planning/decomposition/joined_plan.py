@@ -7,7 +7,11 @@ from dataclasses import dataclass, field, replace
 from cellwright.engine.model.outcome import Found, Infeasible, Outcome
 from cellwright.engine.model.part_measurements import names_in_goal
 from cellwright.engine.pipelines.planning.decomposition.measurement_order import Itinerary
-from cellwright.engine.pipelines.planning.decomposition.part_chain import Notebook, PartChain, PlanningPart
+from cellwright.engine.pipelines.planning.decomposition.part_chain import (
+    Notebook,
+    PartChain,
+    PlanningPart,
+)
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.stages.grounding.grounding_program import ChangingPredicates
 from cellwright.engine.stages.grounding.initial_facts import initial_state
@@ -25,7 +29,9 @@ from cellwright.kb.terms import Atom, Function, Term, match_term
 
 @dataclass(frozen=True, slots=True)
 class AtOnce:
-    """How steps of several arms are ordered: measurements that wait for others (second: first ones), by the atom that makes them."""
+    """How steps of several arms are ordered: measurements that wait for others (second: first
+    ones), by the atom that makes them.
+    """
 
     measured: str
     waits: Mapping[str, tuple[str, ...]]
@@ -33,7 +39,9 @@ class AtOnce:
 
 
 def of_arms(problem: Problem, route: Itinerary) -> AtOnce | None:
-    """How the steps along an itinerary are ordered; None if one arm takes them one after another."""
+    """How the steps along an itinerary are ordered; None if one arm takes them one after
+    another.
+    """
     if route.shared is None:
         return None
     waits = dict[str, tuple[str, ...]]()
@@ -47,7 +55,8 @@ def join_parts(
 ) -> Plan:
     """The plan of the steps, with a link for each condition of a step that names its atoms.
 
-    One comes after another; `at_once`, only those wait for others that need them, disturb them, or hold the same resources.
+    One comes after another; `at_once`, only those wait for others that need them, disturb them, or
+    hold the same resources.
     """
     world, facts = start.world, start.facts
     joined_steps: list[Step] = []
@@ -67,7 +76,9 @@ def join_parts(
         after: tuple[StepId, ...] = (StepId(number - 1),) if joined_steps else ()
         after = needs.after(own, step, needed, (*adds, *ends)) if needs else after
         joined_steps.append(replace(step, id=own, after=after))
-        links += [CausalLink(last.get(condition, INITIAL_STEP), condition, own) for condition in needed]
+        links += [
+            CausalLink(last.get(condition, INITIAL_STEP), condition, own) for condition in needed
+        ]
         last.update((atom, own) for atom in adds)
         last.update((Function("not", (atom,)), own) for atom in ends)
         facts = facts.after(ends, adds)
@@ -78,7 +89,9 @@ def join_parts(
 
 @dataclass
 class _StepNeeds:
-    """Which earlier steps each step waits for: two steps may go on at once if neither changes what the other reads or changes."""
+    """Which earlier steps each step waits for: two steps may go on at once if neither changes
+    what the other reads or changes.
+    """
 
     at_once: AtOnce
     changed: dict[Atom, int] = field(default_factory=dict)
@@ -140,7 +153,9 @@ def _first_conditions(alternatives: Sequence[Needed], facts: FactSet) -> Iterato
 
 
 def _derived_supports(world: CellDomain, step: Function, facts: FactSet) -> Iterator[Atom]:
-    """What the first alternative of a step's condition that holds rests on, through the rules of derived predicates."""
+    """What the first alternative of a step's condition that holds rests on, through the rules
+    of derived predicates.
+    """
     schema, bindings = world.binding(step)
     supports = (find_support(body, world, facts, bindings) for body in schema.alternatives)
     yield from dict.fromkeys(
@@ -151,13 +166,19 @@ def _derived_supports(world: CellDomain, step: Function, facts: FactSet) -> Iter
 def _reaching_atom(goal: Literal, facts: FactSet) -> Iterator[Atom]:
     """The first atom that a goal asks for, if it asks for one."""
     if goal.positive:
-        matching = (atom for atom in facts.matching(goal.atom) if match_term(goal.atom, atom, {}) is not None)
+        matching = (
+            atom
+            for atom in facts.matching(goal.atom)
+            if match_term(goal.atom, atom, {}) is not None
+        )
         yield from itertools.islice(matching, 1)
 
 
 @dataclass(frozen=True)
 class _OldPlan:
-    """The plan as it was: its steps, what each has changed, and after which step each measurement is made."""
+    """The plan as it was: its steps, what each has changed, and after which step each
+    measurement is made.
+    """
 
     steps: Sequence[Step]
     changes: Sequence[StepChange]
@@ -171,12 +192,17 @@ class _OldPlan:
 
 
 def patch_plan(
-    problem: Problem, plan: Plan, route: Itinerary, failed: StepId, limits: SearchLimits = SearchLimits()
+    problem: Problem,
+    plan: Plan,
+    route: Itinerary,
+    failed: StepId,
+    limits: SearchLimits = SearchLimits(),
 ) -> Outcome | None:
-    """The plan with the part of the failed step planned anew, and the parts behind it until all is as it was.
+    """The plan with the part of the failed step planned anew, and the parts behind it until all is
+    as it was.
 
-    `problem` is that of the plan, with fewer goals or stricter operators. The answer is infeasible if the part has no plan of its
-    own; None if another plan must be found.
+    `problem` is that of the plan, with fewer goals or stricter operators. The answer is infeasible
+    if the part has no plan of its own; None if another plan must be found.
     """
     steps, operator_names = plan.steps, {operator.name for operator in problem.domain.operators}
     if any(step.operator.name not in operator_names for step in steps):
@@ -186,13 +212,17 @@ def patch_plan(
         return None
     start = Situation.of(CellDomain(problem), state)
     changes = changes_of(start, steps)
-    old = _OldPlan(steps, changes, _measuring_ends(problem, changes, {name for name, _ in route.visits}))
+    old = _OldPlan(
+        steps, changes, _measuring_ends(problem, changes, {name for name, _ in route.visits})
+    )
     at = next(n for n, step in enumerate(steps) if step.id == failed)
     outcome = _gone_on(problem, route, old, at, start, limits)
     return _patched_plan(problem, start, outcome, route) if isinstance(outcome, list) else outcome
 
 
-def _measuring_ends(problem: Problem, changes: Sequence[StepChange], names: set[str]) -> dict[str, int]:
+def _measuring_ends(
+    problem: Problem, changes: Sequence[StepChange], names: set[str]
+) -> dict[str, int]:
     measured, ends = problem.domain.conventions.measured, dict[str, int]()
     for n, change in enumerate(changes):
         for atom in change.adds:
@@ -203,13 +233,22 @@ def _measuring_ends(problem: Problem, changes: Sequence[StepChange], names: set[
 
 
 def _gone_on(
-    problem: Problem, route: Itinerary, old: _OldPlan, at: int, start: Situation, limits: SearchLimits
+    problem: Problem,
+    route: Itinerary,
+    old: _OldPlan,
+    at: int,
+    start: Situation,
+    limits: SearchLimits,
 ) -> list[Step] | Infeasible | None:
-    """The steps up to the part of the failed one, the parts from there on until the state is the old one, and the rest as it was."""
+    """The steps up to the part of the failed one, the parts from there on until the state is
+    the old one, and the rest as it was.
+    """
     begins = max((end + 1 for end in old.ends.values() if end < at), default=0)
     was = set(start.state)
     old.went_on(was, 0, begins)
-    line = PartChain(problem, Situation.of(start.world, was), Notebook(), limits, list(old.steps[:begins]))
+    line = PartChain(
+        problem, Situation.of(start.world, was), Notebook(), limits, list(old.steps[:begins])
+    )
     every = route.parts(problem)
     parts = [part for part in every if old.ends.get(part.name, len(old.steps)) >= begins]
     lost, gone = set(old.ends) - {part.name for part in every}, begins
@@ -244,6 +283,8 @@ def _patched_plan(
     problem: Problem, start: Situation, steps: Sequence[Step], route: Itinerary
 ) -> Found | None:
     goals = (goal_literal(goal) for goal in goal_parts(problem.goal))
-    plan = join_parts(start, steps, [goal for goal in goals if goal is not None], of_arms(problem, route))
+    plan = join_parts(
+        start, steps, [goal for goal in goals if goal is not None], of_arms(problem, route)
+    )
     plan, wrong = PlanGate().settled(problem, plan)
     return None if wrong else Found(plan)

@@ -1,7 +1,7 @@
 """Continues measurement sequences kept in a store, also those that several arms share.
 
-What is left is shared anew when measurements, tools, arms or their order are others than before. Each arm then goes on from the visit
-that it has made last.
+What is left is shared anew when measurements, tools, arms or their order are others than before.
+Each arm then goes on from the visit that it has made last.
 """
 
 from collections.abc import Collection, Mapping
@@ -20,8 +20,16 @@ from cellwright.engine.pipelines.inspection.arm_capabilities import (
     without_tools,
 )
 from cellwright.engine.pipelines.inspection.measurement_points import with_places
-from cellwright.engine.pipelines.inspection.tool_tours import ToolPartition, partition_by_tool, tour_problem
-from cellwright.engine.pipelines.inspection.tour_demands import TourDemands, of_facts, remaining_demands
+from cellwright.engine.pipelines.inspection.tool_tours import (
+    ToolPartition,
+    partition_by_tool,
+    tour_problem,
+)
+from cellwright.engine.pipelines.inspection.tour_demands import (
+    TourDemands,
+    of_facts,
+    remaining_demands,
+)
 from cellwright.engine.pipelines.inspection.tour_progress import (
     KeptSequenceProgress,
     RemainingSequence,
@@ -51,9 +59,11 @@ Orders = Mapping[str, tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True)
 class SharedProgress(KeptSequenceProgress):
-    """How a sequence of several arms goes on; `problem` and `tour` are those of the arm that is done last.
+    """How a sequence of several arms goes on; `problem` and `tour` are those of the arm that is
+    done last.
 
-    The visits of the rest are in the order in which they can begin. `shared` says who makes what; None if nothing is left.
+    The visits of the rest are in the order in which they can begin. `shared` says who makes what;
+    None if nothing is left.
     """
 
     shared: SharedMeasurements | None = None
@@ -70,7 +80,10 @@ def shares_carried_on(
     news: SequenceNews = SequenceNews(),
     limits: TourLimits = TourLimits(),
 ) -> SharedProgress:
-    """The sequence after some news, compared with the problem as it is now. Raises `InvalidInput`."""
+    """The sequence after some news, compared with the problem as it is now.
+
+    Raises `InvalidInput`.
+    """
     if is_unkept(plan) and news != SequenceNews():
         plan = shares_carried_on(plan, problem, limits=limits).plan
     capabilities = _CapabilitiesAfterLoss(problem)
@@ -84,7 +97,10 @@ def shares_carried_on(
 
 
 class _CapabilitiesAfterLoss:
-    """What arms can make when some names are lost. It is asked for once, as geometry may have to tell."""
+    """What arms can make when some names are lost.
+
+    It is asked for once, as geometry may have to tell.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.offers = problem, ArmOffers((), {})
@@ -96,7 +112,9 @@ class _CapabilitiesAfterLoss:
         parts = partition_by_tool(self.problem)
         self.offers = arm_offers(self.problem, parts, gone)
         tools_held = {
-            name: tool for own in reversed([*self.offers.ways[0].values()]) for name, tool in own.items()
+            name: tool
+            for own in reversed([*self.offers.ways[0].values()])
+            for name, tool in own.items()
         }
         groups = dict[str, list[str]]()
         for name in (name for own in parts.groups.values() for name in own if name in tools_held):
@@ -115,7 +133,9 @@ class _RestOfSequence:
     limits: TourLimits
 
     def progress(self) -> SharedProgress:
-        """The rest as it was, if nothing about it has changed; else shared anew, unless the old shares are as good."""
+        """The rest as it was, if nothing about it has changed; else shared anew, unless the old
+        shares are as good.
+        """
         standing = self._standing()
         if (
             not is_unkept(self.old)
@@ -126,7 +146,13 @@ class _RestOfSequence:
             if same is not None:
                 return self._told(same, "kept")
         shares_found = share_measurements(
-            self.known.problem, self._parts, self._more, self.limits, self._line, self._at, self._offers
+            self.known.problem,
+            self._parts,
+            self._more,
+            self.limits,
+            self._line,
+            self._at,
+            self._offers,
         )
         if not isinstance(shares_found, SharedMeasurements):
             raise InvalidInput([_unshared_diagnostic(self.known.problem, shares_found)])
@@ -134,10 +160,14 @@ class _RestOfSequence:
         steady = same is not None and same.shares.makespan <= shares_found.shares.makespan
         bound = shares_found.shares.lower_bound
         chosen = (
-            replace(same, shares=replace(same.shares, lower_bound=bound)) if same and steady else shares_found
+            replace(same, shares=replace(same.shares, lower_bound=bound))
+            if same and steady
+            else shares_found
         )
         is_kept = len(standing) == len(self.old.rest) and _is_same_order(chosen, standing)
-        return self._told(chosen, "made" if is_unkept(self.old) else "kept" if is_kept else "resequenced")
+        return self._told(
+            chosen, "made" if is_unkept(self.old) else "kept" if is_kept else "resequenced"
+        )
 
     def _standing(self) -> Visits:
         """The visits of the old rest that are still wanted."""
@@ -145,7 +175,9 @@ class _RestOfSequence:
         return tuple(visit for visit in self.old.rest if visit.name in names_wanted)
 
     def _on_course(self) -> bool:
-        """Whether each arm has made the next visits of its own, nothing else was done, and no arm or tool was lost or is back."""
+        """Whether each arm has made the next visits of its own, nothing else was done, and no
+        arm or tool was lost or is back.
+        """
         done = self.left.plan.done[len(self.old.done) :]
         arms = dict.fromkeys(visit.arm for visit in (*self.old.rest, *done))
         for arm in arms:
@@ -161,7 +193,10 @@ class _RestOfSequence:
     @property
     def _parts(self) -> ToolPartition:
         names = {visit.name for visit in self._wanted}
-        groups = {tool: tuple(n for n in own if n in names) for tool, own in self.left.parts.groups.items()}
+        groups = {
+            tool: tuple(n for n in own if n in names)
+            for tool, own in self.left.parts.groups.items()
+        }
         return replace(self.left.parts, groups={tool: own for tool, own in groups.items() if own})
 
     @property
@@ -181,7 +216,9 @@ class _RestOfSequence:
         """The visit that each arm has made last."""
         stations = {visit.name: visit.station for visit in self.left.asked.visits}
         return {
-            visit.arm: Visit(visit.name, visit.position, visit.tool, station=stations.get(visit.name, ""))
+            visit.arm: Visit(
+                visit.name, visit.position, visit.tool, station=stations.get(visit.name, "")
+            )
             for visit in self.left.plan.done
             if visit.position
         }
@@ -201,23 +238,32 @@ class _RestOfSequence:
         """When the last visit done has begun, as the tours of the arms have it."""
         groups = dict[str, tuple[str, ...]]()
         for finished_visit in done:
-            groups[finished_visit.tool] = (*groups.get(finished_visit.tool, ()), finished_visit.name)
+            groups[finished_visit.tool] = (
+                *groups.get(finished_visit.tool, ()),
+                finished_visit.name,
+            )
         tours = tour_problem(self.known.problem, replace(self.left.parts, groups=groups))
         names_known = {visit.name for visit in tours.visits}
         arms = dict.fromkeys(visit.arm for visit in done)
         own = (
-            [visit.name for visit in done if visit.arm == arm and visit.name in names_known] for arm in arms
+            [visit.name for visit in done if visit.arm == arm and visit.name in names_known]
+            for arm in arms
         )
         shares = (of_share(tours, names) for names in own if names)
         return max(
-            (times_of(share_tour, tuple(range(len(share_tour.visits))))[-1][1] for share_tour in shares),
+            (
+                times_of(share_tour, tuple(range(len(share_tour.visits))))[-1][1]
+                for share_tour in shares
+            ),
             default=0,
         )
 
     def _following(self, visits: Visits) -> SharedMeasurements | None:
         """The shares in which the arms make visits in their order, if they still can."""
         orders = _arm_orders(visits)
-        ability = next((ability for ability in self._offers.ways if _can_serve(ability, visits)), None)
+        ability = next(
+            (ability for ability in self._offers.ways if _can_serve(ability, visits)), None
+        )
         if ability is None:
             return None
         asked = SharingRequest(
@@ -256,7 +302,10 @@ def _visit_place(visit: PlannedVisit) -> tuple[str, tuple[float, ...]]:
 
 
 def _restrict_able(ability: Able, names: Collection[str]) -> Able:
-    return {arm: {name: tool for name, tool in own.items() if name in names} for arm, own in ability.items()}
+    return {
+        arm: {name: tool for name, tool in own.items() if name in names}
+        for arm, own in ability.items()
+    }
 
 
 def _can_serve(ability: Able, visits: Visits) -> bool:
@@ -285,12 +334,13 @@ def carry_on(
     limits: TourLimits = TourLimits(),
     anew: bool = False,
 ) -> KeptSequenceProgress:
-    """Bring the kept sequence of a problem up to date, or make one; `anew` forgets the kept one. Raises `InvalidInput`.
+    """Bring the kept sequence of a problem up to date, or make one; `anew` forgets the kept one.
+    Raises `InvalidInput`.
 
     Where several arms share the measurements, the answer is a `SharedProgress`.
 
-    If another process has written the sequence in the meantime, the news is applied to what it wrote, so that nothing is
-    lost.
+    If another process has written the sequence in the meantime, the news is applied to what it
+    wrote, so that nothing is lost.
     """
     problem = with_places(problem)
     with Sequences(store) as sequences:
@@ -299,7 +349,9 @@ def carry_on(
             plan = SequencePlan(
                 problem.domain.name, problem.name, version=kept_plan.version if kept_plan else 0
             )
-            progress = _carried_on(plan if kept_plan is None or anew else kept_plan, problem, news, limits)
+            progress = _carried_on(
+                plan if kept_plan is None or anew else kept_plan, problem, news, limits
+            )
             if progress.plan == kept_plan or sequences.keep(progress.plan):
                 return progress
 
@@ -314,14 +366,20 @@ def _carried_on(
     return shares_carried_on(plan, problem, news, limits)
 
 
-def told_of_losses(store: str, problem: Problem, lost: Collection[str]) -> KeptSequenceProgress | None:
-    """The kept sequence of a problem after tools or resources were lost; None if none is kept. Raises `InvalidInput`.
+def told_of_losses(
+    store: str, problem: Problem, lost: Collection[str]
+) -> KeptSequenceProgress | None:
+    """The kept sequence of a problem after tools or resources were lost; None if none is kept.
+    Raises `InvalidInput`.
 
-    Names in `lost` that are neither objects nor resources of the problem do not concern the sequence, and are ignored.
+    Names in `lost` that are neither objects nor resources of the problem do not concern the
+    sequence, and are ignored.
     """
     with Sequences(store) as sequences:
         if sequences.of(problem.domain.name, problem.name) is None:
             return None
     return carry_on(
-        store, problem, SequenceNews(lost=tuple(name for name in lost if name in losable_resources(problem)))
+        store,
+        problem,
+        SequenceNews(lost=tuple(name for name in lost if name in losable_resources(problem))),
     )

@@ -8,7 +8,11 @@ from cellwright.engine.model.part_measurements import chooses_tools, is_shared, 
 from cellwright.engine.model.part_measurements import goal_measurements as wanted_of
 from cellwright.engine.model.tour_problem import Tour, TourProblem, cost_of
 from cellwright.engine.pipelines.inspection.measurement_points import with_places
-from cellwright.engine.pipelines.inspection.tool_tours import ToolPartition, partition_by_tool, tour_problem
+from cellwright.engine.pipelines.inspection.tool_tours import (
+    ToolPartition,
+    partition_by_tool,
+    tour_problem,
+)
 from cellwright.engine.pipelines.inspection.tour_demands import TourDemands, without_windows
 from cellwright.engine.pipelines.planning.decomposition.measurement_shares import (
     SharedMeasurements,
@@ -27,7 +31,9 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import ANYTHING, Function
 
 SEQUENCE_PROOF = (
-    5.0  # work of the solver, about seconds: a plan does not wait longer for the proof of a tour with windows
+    # work of the solver, about seconds: a plan does not wait longer for the proof of a tour with
+    # windows
+    5.0
 )
 
 Run = tuple[int, ...]  # places of visits that follow one another with one tool from one station
@@ -37,10 +43,12 @@ Run = tuple[int, ...]  # places of visits that follow one another with one tool 
 class Itinerary:
     """The measurements of an inspection in the order of a tour, each with its tool.
 
-    `kept` says that the order was kept in a store. Runs of an order that is not `fixed` may come in another order or the other
-    way round; `altered` says that some do. `unasked` are measurements that cannot be made, with the reasons, which no goal asks for.
-    `unkept` says why no tour keeps all windows, if that is known. `shared` says how several arms share the measurements: then the
-    visits are in the order in which they can begin, and `problem` and `tour` are those of the arm that is done last.
+    `kept` says that the order was kept in a store. Runs of an order that is not `fixed` may come in
+    another order or the other way round; `altered` says that some do. `unasked` are measurements
+    that cannot be made, with the reasons, which no goal asks for. `unkept` says why no tour keeps
+    all windows, if that is known. `shared` says how several arms share the measurements: then the
+    visits are in the order in which they can begin, and `problem` and `tour` are those of the arm
+    that is done last.
     """
 
     visits: tuple[tuple[str, str], ...]
@@ -59,7 +67,8 @@ class Itinerary:
         """The places of each run of visits with one tool from one station."""
         stations = {visit.name: visit.station for visit in self.problem.visits}
         places = groupby(
-            range(len(self.visits)), key=lambda n: (self.visits[n][1], stations.get(self.visits[n][0]))
+            range(len(self.visits)),
+            key=lambda n: (self.visits[n][1], stations.get(self.visits[n][0])),
         )
         return tuple(tuple(run) for _, run in places)
 
@@ -84,8 +93,11 @@ class Itinerary:
             altered=True,
         )
 
-    def parts(self, problem: Problem, names: Collection[str] | None = None) -> tuple[PlanningPart, ...]:
-        """The goals by the visit after which they can hold; what the goals ask for beside the visits comes last.
+    def parts(
+        self, problem: Problem, names: Collection[str] | None = None
+    ) -> tuple[PlanningPart, ...]:
+        """The goals by the visit after which they can hold; what the goals ask for beside the
+        visits comes last.
 
         With `names`, only the parts of these visits, and what comes last.
         """
@@ -101,18 +113,28 @@ class Itinerary:
             elif names is None or self.visits[about][0] in names:
                 name, tool = self.visits[about]
                 own = by_tool.goal(goal, tool)
-                goals.setdefault(about, []).append(by_tool.goal(own, arms[name]) if name in arms else own)
-        parts = [PlanningPart(self.visits[number][0], tuple(own)) for number, own in sorted(goals.items())]
+                goals.setdefault(about, []).append(
+                    by_tool.goal(own, arms[name]) if name in arms else own
+                )
+        parts = [
+            PlanningPart(self.visits[number][0], tuple(own))
+            for number, own in sorted(goals.items())
+        ]
         return (*parts, PlanningPart("", tuple(rest))) if rest else tuple(parts)
 
 
 def find_itinerary(
-    problem: Problem, line: Callable[[], PartChain], limits: TourLimits = TourLimits(), store: str = ""
+    problem: Problem,
+    line: Callable[[], PartChain],
+    limits: TourLimits = TourLimits(),
+    store: str = "",
 ) -> Itinerary | None:
-    """The order of an inspection; None for another problem, or if fewer than two measurements can be put in order, by one arm.
+    """The order of an inspection; None for another problem, or if fewer than two measurements can
+    be put in order, by one arm.
 
     The sequence that is kept in `store` is used, and one is kept there if there is none. A workflow
-    that only says which measurement comes before which is kept. `line` begins plans. Raises `InvalidInput`.
+    that only says which measurement comes before which is kept. `line` begins plans. Raises
+    `InvalidInput`.
     """
     if not chooses_tools(problem.domain):
         return None
@@ -138,9 +160,11 @@ def find_itinerary(
 
 
 def order_of(problem: Problem, asked_names: Collection[str]) -> tuple[tuple[str, str], ...] | None:
-    """The pairs (first, second) of measurements that a workflow orders; None if it asks for anything but measurements.
+    """The pairs (first, second) of measurements that a workflow orders; None if it asks for
+    anything but measurements.
 
-    A measurement that is made stays made, so a plan can reach its stage too early: the tour has to keep the order.
+    A measurement that is made stays made, so a plan can reach its stage too early: the tour has to
+    keep the order.
     """
     measured = problem.domain.conventions.measured
     stages: dict[str, list[str]] = {}
@@ -152,7 +176,10 @@ def order_of(problem: Problem, asked_names: Collection[str]) -> tuple[tuple[str,
             stages.setdefault(chain.name, []).extend(about)
     pairs = [pair for stages_of_chain in stages.values() for pair in pairwise(stages_of_chain)]
     pairs += [
-        (stages[name][-1], stages[c.name][0]) for c in problem.chains for name in c.after if name in stages
+        (stages[name][-1], stages[c.name][0])
+        for c in problem.chains
+        for name in c.after
+        if name in stages
     ]
     return tuple(dict.fromkeys(pair for pair in pairs if pair[0] != pair[1]))
 
@@ -189,28 +216,44 @@ def _has_bounds(problem: TourProblem) -> bool:
     return problem.closed or problem.ordered or ends != (None, None)
 
 
-def _kept_itinerary(problem: Problem, parts: ToolPartition, limits: TourLimits, store: str) -> Itinerary:
+def _kept_itinerary(
+    problem: Problem, parts: ToolPartition, limits: TourLimits, store: str
+) -> Itinerary:
     """The order of the kept sequence, without what the goals do not ask for."""
     from cellwright.engine.pipelines.planning.decomposition.kept_sequences import carry_on
 
     progress = carry_on(store, problem, limits=limits)
     asked_names = {name for names in parts.groups.values() for name in names}
-    visits = tuple((visit.name, visit.tool) for visit in progress.plan.rest if visit.name in asked_names)
+    visits = tuple(
+        (visit.name, visit.tool) for visit in progress.plan.rest if visit.name in asked_names
+    )
     reasons = {**progress.plan.impossible, **progress.plan.bad, **parts.impossible}
-    out = {name: why for name, why in reasons.items() if name in asked_names | set(parts.impossible)}
-    fixed = progress.way == "kept" or len(visits) < len(progress.tour.order) or _has_bounds(progress.problem)
+    out = {
+        name: why for name, why in reasons.items() if name in asked_names | set(parts.impossible)
+    }
+    fixed = (
+        progress.way == "kept"
+        or len(visits) < len(progress.tour.order)
+        or _has_bounds(progress.problem)
+    )
     parts, shares = replace(parts, impossible=out), getattr(progress, "shared", None)
     return Itinerary(visits, parts, progress.problem, progress.tour, fixed=fixed, shared=shares)
 
 
 def _restrict_partition(parts: ToolPartition, asked_names: set[str]) -> ToolPartition:
-    groups = {tool: tuple(n for n in names if n in asked_names) for tool, names in parts.groups.items()}
+    groups = {
+        tool: tuple(n for n in names if n in asked_names) for tool, names in parts.groups.items()
+    }
     impossible = {name: why for name, why in parts.impossible.items() if name in asked_names}
-    return replace(parts, groups={t: names for t, names in groups.items() if names}, impossible=impossible)
+    return replace(
+        parts, groups={t: names for t, names in groups.items() if names}, impossible=impossible
+    )
 
 
 class _ToolGoals:
-    """Goals to measure something by any tool, as goals to measure it by the tool that the rules have chosen."""
+    """Goals to measure something by any tool, as goals to measure it by the tool that the rules
+    have chosen.
+    """
 
     def __init__(self, problem: Problem) -> None:
         domain = problem.domain
@@ -247,7 +290,8 @@ Turnable = Callable[[Run], bool]
 
 
 def in_best_order(route: Itinerary, line: PartChain, cheap: bool = False) -> Itinerary:
-    """The tour, or its runs in another order and some the other way round, if the plan then lasts less.
+    """The tour, or its runs in another order and some the other way round, if the plan then lasts
+    less.
 
     What lasts as long may cost less; if it is to be `cheap`, the cost comes first.
     """
@@ -259,7 +303,9 @@ def in_best_order(route: Itinerary, line: PartChain, cheap: bool = False) -> Iti
     if best == own:
         return route
     ends, other_route = route.ends, route.of_runs(best)
-    was, now = (line.trial(candidate.parts(line.problem, ends)) for candidate in (route, other_route))
+    was, now = (
+        line.trial(candidate.parts(line.problem, ends)) for candidate in (route, other_route)
+    )
     return other_route if (now[::-1] < was[::-1] if cheap else now < was) else route
 
 
@@ -271,7 +317,11 @@ def _best_order(own: Order, links: "_RunLinks", turnable: Turnable) -> Order:
     while better is not None:
         own, least = better, links.value(better)
         better = next(
-            (neighbour for neighbour in _neighbour_orders(own, turnable) if links.below(least, neighbour)),
+            (
+                neighbour
+                for neighbour in _neighbour_orders(own, turnable)
+                if links.below(least, neighbour)
+            ),
             None,
         )
     return own
@@ -296,7 +346,9 @@ def _neighbour_orders(order: Order, turnable: Turnable) -> Iterator[Order]:
 
 @dataclass
 class _RunLinks:
-    """What plans take from visit to visit, planned when first asked for; a visit is its place in the tour."""
+    """What plans take from visit to visit, planned when first asked for; a visit is its place
+    in the tour.
+    """
 
     way: Itinerary
     line: PartChain
@@ -306,12 +358,16 @@ class _RunLinks:
     after: dict[int, PartChain | None] = field(default_factory=dict)
 
     def value(self, order: Order) -> Value:
-        """How long the ways between runs take together, from the start and to what is asked for at the end; and their cost.
+        """How long the ways between runs take together, from the start and to what is asked for at
+        the end; and their cost.
 
         The cost comes first if the order is to be cheap.
         """
         ends = [None, *(place for run in order for place in (run[0], run[-1])), None]
-        ways = [self._link(start_visit, end_visit) for start_visit, end_visit in list(pairwise(ends))[::2]]
+        ways = [
+            self._link(start_visit, end_visit)
+            for start_visit, end_visit in list(pairwise(ends))[::2]
+        ]
         lasts, cost = sum(lasts for lasts, _ in ways), sum(cost for _, cost in ways)
         return (cost, lasts) if self.cheap else (lasts, cost)
 

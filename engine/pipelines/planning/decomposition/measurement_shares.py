@@ -16,10 +16,23 @@ from cellwright.engine.model.tour_problem import (
     busy_with,
     cost_of,
 )
-from cellwright.engine.pipelines.inspection.arm_capabilities import Able, ArmOffers, arm_offers, by_arm
+from cellwright.engine.pipelines.inspection.arm_capabilities import (
+    Able,
+    ArmOffers,
+    arm_offers,
+    by_arm,
+)
 from cellwright.engine.pipelines.inspection.tool_tours import ToolPartition, tour_problem
-from cellwright.engine.pipelines.inspection.tour_demands import TourDemands, of_facts, without_windows
-from cellwright.engine.pipelines.inspection.travel_costs import STRAIGHT_UNIT, straight_tour, time_between
+from cellwright.engine.pipelines.inspection.tour_demands import (
+    TourDemands,
+    of_facts,
+    without_windows,
+)
+from cellwright.engine.pipelines.inspection.travel_costs import (
+    STRAIGHT_UNIT,
+    straight_tour,
+    time_between,
+)
 from cellwright.engine.pipelines.planning.decomposition.part_chain import (
     INFINITE_COST,
     PartChain,
@@ -53,11 +66,16 @@ def merge_visits(
         behind.setdefault(second, []).append(first)
     ended, order = dict[str, int](), list[str]()
     arms_left = {
-        arm: _ArmRest(of_share(problems[arm], own)) for arm, own in shares_found.orders.items() if own
+        arm: _ArmRest(of_share(problems[arm], own))
+        for arm, own in shares_found.orders.items()
+        if own
     }
     while arms_left:
         ready = [
-            (max([own.clock, *(ended[first_visit] for first_visit in behind.get(own.next, ()))]), arm)
+            (
+                max([own.clock, *(ended[first_visit] for first_visit in behind.get(own.next, ()))]),
+                arm,
+            )
             for arm, own in arms_left.items()
             if all(first_visit in ended for first_visit in behind.get(own.next, ()))
         ]
@@ -100,7 +118,9 @@ def waits_of(
     shares_found: Shares,
     arms: Mapping[str, str],
 ) -> Iterator[Pair]:
-    """Pairs of visits of different arms: those of `before`, and from one step of the alignment to the next."""
+    """Pairs of visits of different arms: those of `before`, and from one step of the alignment
+    to the next.
+    """
     for first, second in pairs:
         if first in arms and second in arms and arms[first] != arms[second]:
             yield first, second
@@ -125,14 +145,19 @@ def levels_of(pairs: Sequence[Pair]) -> dict[str, int]:
 
 
 def levelled_tour(problem: TourProblem, levels: Mapping[str, int]) -> TourProblem:
-    """The tour of an arm in the order of levels, so that arms never wait in a circle: who waits is always on a higher one."""
+    """The tour of an arm in the order of levels, so that arms never wait in a circle: who waits
+    is always on a higher one.
+    """
     depth = max(levels.values(), default=0) + 1
-    visits = (replace(v, phase=v.phase * depth + levels.get(v.name, 0) - depth) for v in problem.visits)
+    visits = (
+        replace(v, phase=v.phase * depth + levels.get(v.name, 0) - depth) for v in problem.visits
+    )
     return replace(problem, visits=tuple(visits))
 
 
 BEGIN_PREFIX = (
-    "begin of "  # what the visit is called at which an arm begins; no measurement has a space in its name
+    # what the visit is called at which an arm begins; no measurement has a space in its name
+    "begin of "
 )
 NO_VISITS: Mapping[str, Visit] = {}
 PROOF_WORK_S = 5.0  # work of the solver for a tour with windows, about seconds
@@ -142,9 +167,10 @@ PROOF_WORK_S = 5.0  # work of the solver for a tour with windows, about seconds
 class SharedMeasurements:
     """The shares of several arms, and all visits in the `order` in which they can begin.
 
-    `tools` and `arms` are by measurement; `waits` are pairs (first, second) of visits of different arms of which the second waits.
-    `per_unit` units of the costs are one `unit`. `measuring` says what a measurement of an arm takes beside the way to it, and
-    `unkept` why no order keeps all windows.
+    `tools` and `arms` are by measurement; `waits` are pairs (first, second) of visits of different
+    arms of which the second waits. `per_unit` units of the costs are one `unit`. `measuring` says
+    what a measurement of an arm takes beside the way to it, and `unkept` why no order keeps all
+    windows.
     """
 
     shares: Shares
@@ -180,22 +206,35 @@ def share_measurements(
     at: Mapping[str, Visit] = NO_VISITS,
     offered: ArmOffers | None = None,
 ) -> SharedMeasurements | Infeasible | GaveUp:
-    """The shares with the least makespan that are found; why there are none. `line` is where plans begin. Raises `InvalidInput`.
+    """The shares with the least makespan that are found; why there are none. `line` is where plans
+    begin. Raises `InvalidInput`.
 
-    `at` says which visit each arm has made last, if it has. What arms can make is `offered`, if it is known.
+    `at` says which visit each arm has made last, if it has. What arms can make is `offered`, if it
+    is known.
     """
     offers_of_arms = offered or arm_offers(problem, parts)
     parts = replace(parts, impossible={**parts.impossible, **offers_of_arms.impossible})
     share_answers = [
-        SharingRequest(problem, parts, more, limits, line, able, at).shared() for able in offers_of_arms.ways
+        SharingRequest(problem, parts, more, limits, line, able, at).shared()
+        for able in offers_of_arms.ways
     ]
-    able_ = [share_answer for share_answer in share_answers if isinstance(share_answer, SharedMeasurements)]
-    return min(able_, key=lambda share_answer: share_answer.shares.makespan) if able_ else share_answers[0]
+    able_ = [
+        share_answer
+        for share_answer in share_answers
+        if isinstance(share_answer, SharedMeasurements)
+    ]
+    return (
+        min(able_, key=lambda share_answer: share_answer.shares.makespan)
+        if able_
+        else share_answers[0]
+    )
 
 
 @dataclass(frozen=True)
 class SharingRequest:
-    """Measurements to be shared, where each arm has its tools (`able`), and has made the visit `at` last."""
+    """Measurements to be shared, where each arm has its tools (`able`), and has made the visit
+    `at` last.
+    """
 
     problem: Problem
     parts: ToolPartition
@@ -215,13 +254,17 @@ class SharingRequest:
     def toured(self) -> Mapping[str, TourProblem]:
         """For each arm the tour problem of all measurements that it can make."""
         return {
-            arm: tour_problem(self.problem, replace(self.parts, groups=_tool_groups(tools)), self.more)
+            arm: tour_problem(
+                self.problem, replace(self.parts, groups=_tool_groups(tools)), self.more
+            )
             for arm, tools in self.able.items()
         }
 
     @cached_property
     def starts(self) -> Mapping[str, Point]:
-        """Where each arm stands at the start, in micrometres, if a fact about it names a place whose position is known."""
+        """Where each arm stands at the start, in micrometres, if a fact about it names a place
+        whose position is known.
+        """
         amounts, starts = amounts_of(self.problem), dict[str, Point]()
         for atom in sorted(self.line.here.state, key=str):
             arm = str(atom.arguments[0]) if atom.arguments else ""
@@ -246,11 +289,18 @@ class SharingRequest:
     @cached_property
     def in_time(self) -> bool:
         """Whether costs are times."""
-        return all(tour.unit == self.problem.domain.time_unit for tour in self.toured.values() if tour.visits)
+        return all(
+            tour.unit == self.problem.domain.time_unit
+            for tour in self.toured.values()
+            if tour.visits
+        )
 
     @cached_property
     def per_unit(self) -> float:
-        """How many units of the costs are a unit of time: micrometres that an arm moves in it. 1 if nobody knows."""
+        """How many units of the costs are a unit of time: micrometres that an arm moves in it.
+
+        1 if nobody knows.
+        """
         motion = self.problem.domain.motion
         return 1.0 if self.in_time or motion is None else float(motion.speed)
 
@@ -258,11 +308,17 @@ class SharingRequest:
     def measuring(self) -> dict[str, int]:
         """What a measurement of each arm takes beside the way to it, in units of time."""
         has_times = self.in_time or self.problem.domain.motion is not None
-        return {arm: self._measuring(arm, tour) if has_times else 0 for arm, tour in self.toured.items()}
+        return {
+            arm: self._measuring(arm, tour) if has_times else 0 for arm, tour in self.toured.items()
+        }
 
     def shared(self) -> SharedMeasurements | Infeasible | GaveUp:
-        """The shares that are found, put in order once more if the arms would wait for each other in a circle."""
-        problems = {arm: self._lasting(arm, without_windows(tour)) for arm, tour in self.toured.items()}
+        """The shares that are found, put in order once more if the arms would wait for each
+        other in a circle.
+        """
+        problems = {
+            arm: self._lasting(arm, without_windows(tour)) for arm, tour in self.toured.items()
+        }
         shares_found = self._shares(problems)
         if not isinstance(shares_found, Shares):
             return shares_found
@@ -277,8 +333,12 @@ class SharingRequest:
         return shared_tours or GaveUp("the arms would wait for each other in a circle", "work")
 
     def following(self, orders: Mapping[str, tuple[str, ...]]) -> SharedMeasurements | None:
-        """The shares in orders that are known; None if the arms would wait for each other in a circle."""
-        problems = {arm: self._lasting(arm, without_windows(tour)) for arm, tour in self.toured.items()}
+        """The shares in orders that are known; None if the arms would wait for each other in a
+        circle.
+        """
+        problems = {
+            arm: self._lasting(arm, without_windows(tour)) for arm, tour in self.toured.items()
+        }
         whole = {arm: tuple(orders.get(arm, ())) for arm in problems}
         busy = {arm: self._busy(problems, arm, own) for arm, own in whole.items()}
         return self._made(problems, Shares(whole, busy, 0, self._common), keep=True)
@@ -307,7 +367,9 @@ class SharingRequest:
 
     def _lasting(self, arm: str, tours: TourProblem) -> TourProblem:
         lasts = round(self.measuring[arm] * self.per_unit)
-        return replace(tours, visits=tuple(replace(v, duration=v.duration or lasts) for v in tours.visits))
+        return replace(
+            tours, visits=tuple(replace(v, duration=v.duration or lasts) for v in tours.visits)
+        )
 
     def _measuring(self, arm: str, tours: TourProblem) -> int:
         """Two measurements with the same tool are planned; 0 if there are no two, or no plan."""
@@ -327,24 +389,46 @@ class SharingRequest:
     def _made(
         self, problems: Mapping[str, TourProblem], shares_found: Shares, keep: bool = False
     ) -> SharedMeasurements | None:
-        """What is known of the shares, whose orders are to `keep` or may give way to windows; None if arms wait in a circle."""
-        shares_found, unkept = (shares_found, "") if keep else self._in_windows(problems, shares_found)
+        """What is known of the shares, whose orders are to `keep` or may give way to windows;
+        None if arms wait in a circle.
+        """
+        shares_found, unkept = (
+            (shares_found, "") if keep else self._in_windows(problems, shares_found)
+        )
         arms = {name: arm for arm, own in shares_found.orders.items() for name in own}
         waits = tuple(dict.fromkeys(waits_of(self.pairs, self.toured, shares_found, arms)))
         order = merge_visits(problems, shares_found, waits)
         if order is None:
             return None
         tools = {name: self.able[arms[name]][name] for name in order}
-        own = {arm: of_share(problems[arm], names) for arm, names in shares_found.orders.items() if names}
+        own = {
+            arm: of_share(problems[arm], names)
+            for arm, names in shares_found.orders.items()
+            if names
+        }
         has_times = self.in_time or self.problem.domain.motion is not None
         unit = self.problem.domain.time_unit if has_times else STRAIGHT_UNIT
         parts = replace(self.parts, groups=_tool_groups(tools))
         return SharedMeasurements(
-            shares_found, own, order, tools, arms, waits, parts, unit, self.per_unit, self.measuring, unkept
+            shares_found,
+            own,
+            order,
+            tools,
+            arms,
+            waits,
+            parts,
+            unit,
+            self.per_unit,
+            self.measuring,
+            unkept,
         )
 
-    def _in_windows(self, problems: Mapping[str, TourProblem], shares_found: Shares) -> tuple[Shares, str]:
-        """The shares, each in an order that keeps the windows, if one is found; and why not, for one that has none."""
+    def _in_windows(
+        self, problems: Mapping[str, TourProblem], shares_found: Shares
+    ) -> tuple[Shares, str]:
+        """The shares, each in an order that keeps the windows, if one is found; and why not,
+        for one that has none.
+        """
         orders, unkept = dict(shares_found.orders), ""
         for arm, own in shares_found.orders.items():
             asked = of_share(self._lasting(arm, self.toured[arm]), own)

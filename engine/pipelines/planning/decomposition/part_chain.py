@@ -1,4 +1,6 @@
-"""A chain of parts, each planned from the state that the one before leaves, with learned MACROPs."""
+"""A chain of parts, each planned from the state that the one before leaves, with learned
+MACROPs.
+"""
 
 import time
 from collections import Counter, defaultdict
@@ -15,7 +17,11 @@ from cellwright.engine.stages.lifted.operator_schemas import NotGeneral
 from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
 from cellwright.engine.stages.macros.lookup.macro_index import MacroIndex
 from cellwright.engine.stages.macros.lookup.macro_lookup import LookupHit, check_instance, look_up
-from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery, make_query, query_variants
+from cellwright.engine.stages.macros.lookup.macro_query import (
+    MacroQuery,
+    make_query,
+    query_variants,
+)
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.sequencing import TourLimits
 from cellwright.kb.diagnostics import InvalidInput
@@ -46,7 +52,11 @@ class Notebook:
     def find(self, asked: MacroQuery) -> LookupHit | None:
         """A checked plan for a query; None if no MACROP serves it."""
         return next(
-            (hit for reading in query_variants(asked) if (hit := look_up(self._index, reading)) is not None),
+            (
+                hit
+                for reading in query_variants(asked)
+                if (hit := look_up(self._index, reading)) is not None
+            ),
             None,
         )
 
@@ -63,7 +73,10 @@ INFINITE_COST = 1 << 62
 
 @dataclass(frozen=True, slots=True)
 class PlanningPart:
-    """What is achieved at once: some goals. `name` is the measurement that they are about, if they are about one."""
+    """What is achieved at once: some goals.
+
+    `name` is the measurement that they are about, if they are about one.
+    """
 
     name: str
     goals: tuple[Condition, ...]
@@ -98,14 +111,20 @@ class PartChain:
         return search_plan(own.replace(tuple(start.facts)), self.limits, statics=self._statics)[0]
 
     def trial(self, parts: Sequence[PlanningPart]) -> tuple[int, int]:
-        """How long the plan of some parts lasts from here, and what it costs; very much if there is none."""
+        """How long the plan of some parts lasts from here, and what it costs; very much if
+        there is none.
+        """
         trial_chain = self.led(parts)
         if trial_chain is None:
             return INFINITE_COST, INFINITE_COST
-        return sum(step.duration for step in trial_chain.steps), sum(step.cost for step in trial_chain.steps)
+        return sum(step.duration for step in trial_chain.steps), sum(
+            step.cost for step in trial_chain.steps
+        )
 
     def led(self, parts: Sequence[PlanningPart]) -> "PartChain | None":
-        """A chain of its own that goes on from here with some parts; None if one of them has no plan."""
+        """A chain of its own that goes on from here with some parts; None if one of them has no
+        plan.
+        """
         led_chain = PartChain(self.problem, self.here, self.memory, self.limits, counts=self.counts)
         return led_chain if led_chain.run(parts) is None else None
 
@@ -150,7 +169,9 @@ class PartChain:
         started = time.perf_counter()
         if plan.steps and len(plan.steps) <= MAX_PART_STEPS:
             try:
-                self.memory.learn(generalise_plan(own, plan, self.here.world, self.here.state).macrop, spent)
+                self.memory.learn(
+                    generalise_plan(own, plan, self.here.world, self.here.state).macrop, spent
+                )
             except NotGeneral:
                 self.counts["parts not learned"] += 1
         self.seconds["learning"] += time.perf_counter() - started

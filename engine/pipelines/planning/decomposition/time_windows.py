@@ -1,7 +1,8 @@
 """Finds a tour whose plan misses fewer time windows, by counting with the times of real plans.
 
-A tour knows ways, durations that facts give, and what a change of tools costs. A plan has steps between them. So what a plan
-takes from the begin of one measurement to that of the next is given back to the tour, which is then put in order again.
+A tour knows ways, durations that facts give, and what a change of tools costs. A plan has steps
+between them. So what a plan takes from the begin of one measurement to that of the next is given
+back to the tour, which is then put in order again.
 """
 
 from collections import defaultdict
@@ -13,7 +14,10 @@ from statistics import median_low
 from cellwright.engine.model.outcome import Found, Outcome
 from cellwright.engine.model.time_limits import measured_steps
 from cellwright.engine.model.tour_problem import Tour, TourProblem
-from cellwright.engine.pipelines.planning.decomposition.measurement_order import SEQUENCE_PROOF, Itinerary
+from cellwright.engine.pipelines.planning.decomposition.measurement_order import (
+    SEQUENCE_PROOF,
+    Itinerary,
+)
 from cellwright.engine.pipelines.planning.dwell_limits import wishes_for
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.planning.timetable.kept_order import order_keeping_timetable
@@ -28,7 +32,9 @@ Planned = Callable[[Itinerary], Outcome | None]
 
 @dataclass(frozen=True)
 class _TourTry:
-    """A plan along a tour, how many windows it misses, and when its measurements begin if nobody waits."""
+    """A plan along a tour, how many windows it misses, and when its measurements begin if
+    nobody waits.
+    """
 
     way: Itinerary
     outcome: Found
@@ -39,7 +45,10 @@ class _TourTry:
 def meet_windows(
     problem: Problem, route: Itinerary, outcome: Outcome, planned: Planned, limits: TourLimits
 ) -> tuple[Outcome, Itinerary]:
-    """The plan along a tour, or along another one if that misses fewer windows. `planned` makes the plan along a tour."""
+    """The plan along a tour, or along another one if that misses fewer windows.
+
+    `planned` makes the plan along a tour.
+    """
     if not isinstance(outcome, Found) or not route.problem.timed:
         return outcome, route
     best = now = _try_tour(problem, route, outcome)
@@ -65,7 +74,9 @@ def meet_windows(
 
 
 def as_planned(route: Itinerary, begins: Sequence[int]) -> TourProblem:
-    """The tour with the durations and changes of tools that a plan along it has; `begins` are those of its visits in order."""
+    """The tour with the durations and changes of tools that a plan along it has; `begins` are
+    those of its visits in order.
+    """
     problem, order = route.problem, route.tour.order
     plain = replace(problem, changes={}).lengths(order)
     spans = [then - now - lasts for (now, then), lasts in zip(pairwise(begins), plain, strict=True)]
@@ -93,7 +104,9 @@ def _itinerary_along(route: Itinerary, asked: TourProblem, tour: Tour) -> Itiner
 def _try_tour(problem: Problem, route: Itinerary, outcome: Found) -> _TourTry:
     plan, wishes = outcome.plan, wishes_for(PlanGate().semantics(problem), outcome.plan)
     late = len(order_keeping_timetable(problem, plan, wishes).missed)
-    return _TourTry(route, outcome, late, _visit_begins(problem, plan, route, replace(wishes, windows={})))
+    return _TourTry(
+        route, outcome, late, _visit_begins(problem, plan, route, replace(wishes, windows={}))
+    )
 
 
 def _visit_begins(problem: Problem, plan: Plan, route: Itinerary, wishes: Wishes) -> list[int]:

@@ -42,18 +42,21 @@ from cellwright.kb.terms import sort_naturally
 
 LONG_SEARCH = 5_000  # a search of so many expansions is long: it is worth while to avoid it
 MAX_LEARNED_STEPS = (
-    100  # the most steps of a plan that is learned: the time of generalising grows with their square
+    # the most steps of a plan that is learned: the time of generalising grows with their square
+    100
 )
-DEARER, LONGER = 1.05, 1.1  # the most that a composed plan may cost and last, relative to the planner's
+# the most that a composed plan may cost and last, relative to the planner's
+DEARER, LONGER = 1.05, 1.1
 
 
 @dataclass(frozen=True, slots=True)
 class LibraryAnswer:
     """An outcome, and where it comes from.
 
-    `origin` is `library`, `planner`, `parts` (composed of MACROPs) or `state` (the goals hold already). `macrop` is the
-    number of the MACROP that was used, or of the one that was learned. `reason` says why the plan was not learned. `after`
-    is the situation that the plan leads to. It may be None if nothing is learned and the caller gave no situation.
+    `origin` is `library`, `planner`, `parts` (composed of MACROPs) or `state` (the goals hold
+    already). `macrop` is the number of the MACROP that was used, or of the one that was learned.
+    `reason` says why the plan was not learned. `after` is the situation that the plan leads to. It
+    may be None if nothing is learned and the caller gave no situation.
     """
 
     outcome: Outcome
@@ -66,7 +69,10 @@ class LibraryAnswer:
 
 
 class EvaluatedCells:
-    """What was evaluated of the last few cells, by lookup and by the checker, each for itself. It serves any library."""
+    """What was evaluated of the last few cells, by lookup and by the checker, each for itself.
+
+    It serves any library.
+    """
 
     def __init__(self, most: int = MAX_KEPT_SEMANTICS) -> None:
         self.worlds, self.gate = CellDomains(most), PlanGate(most)
@@ -75,7 +81,8 @@ class EvaluatedCells:
 class LibraryPlanner:
     """A library in use.
 
-    Problems of the same cell share its evaluated static facts. The situation after one plan can be the start of the next.
+    Problems of the same cell share its evaluated static facts. The situation after one plan can be
+    the start of the next.
     """
 
     def __init__(
@@ -85,7 +92,10 @@ class LibraryPlanner:
         learns: bool = True,
         cells: EvaluatedCells | None = None,
     ) -> None:
-        """Without `learns`, the MACROPs of the library are used, and no new ones are learned. Some `cells` may be known already."""
+        """Without `learns`, the MACROPs of the library are used, and no new ones are learned.
+
+        Some `cells` may be known already.
+        """
         self.library, self.limits = library, limits
         self.learns = learns and library.writable
         self._cells = cells if cells is not None else EvaluatedCells()
@@ -96,7 +106,10 @@ class LibraryPlanner:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.flush()
 
@@ -106,9 +119,16 @@ class LibraryPlanner:
             repertoire.flush()
 
     def repertoire(self, domain: Domain, known_repertoire: Repertoire | None = None) -> Repertoire:
-        """The MACROPs that the library holds for whole problems of a domain. They may be `known` already."""
+        """The MACROPs that the library holds for whole problems of a domain.
+
+        They may be `known` already.
+        """
         repertoire = next(
-            (known_repertoire for known_repertoire in self._repertoires if known_repertoire.domain is domain),
+            (
+                known_repertoire
+                for known_repertoire in self._repertoires
+                if known_repertoire.domain is domain
+            ),
             None,
         )
         if repertoire is None:
@@ -136,20 +156,26 @@ class LibraryPlanner:
         return subsequences
 
     def folded(self, problem: Problem, answer: LibraryAnswer) -> LibraryAnswer:
-        """An answer with the parts of its plan: the MACROPs that it is composed of, else the known sub-sequences in it."""
+        """An answer with the parts of its plan: the MACROPs that it is composed of, else the
+        known sub-sequences in it.
+        """
         if answer.parts or not isinstance(answer.outcome, Found):
             return answer
         return replace(answer, parts=self.subsequences(problem.domain).folded(answer.outcome.plan))
 
     def situation(self, problem: Problem) -> Situation:
-        """The initial state of a problem, with the static facts of its cell. Raises `InvalidInput` as grounding does."""
+        """The initial state of a problem, with the static facts of its cell.
+
+        Raises `InvalidInput` as grounding does.
+        """
         state, contradicted = initial_state(problem, ChangingPredicates(problem.domain))
         if contradicted:
             raise InvalidInput(contradicted)
         return Situation.of(self._cells.worlds.of(problem), state)
 
     def plan(self, problem: Problem, situation: Situation | None = None) -> LibraryAnswer:
-        """A checked plan for a problem, from `situation` if one is given, else from the problem's initial state.
+        """A checked plan for a problem, from `situation` if one is given, else from the problem's
+        initial state.
 
         Raises `InvalidInput`.
         """
@@ -165,7 +191,9 @@ class LibraryPlanner:
         return answer
 
     def _known(self, problem: Problem, start: Situation) -> LibraryAnswer | None:
-        """An answer without a search for the whole: nothing is left to do, or MACROPs solve the problem; else None."""
+        """An answer without a search for the whole: nothing is left to do, or MACROPs solve the
+        problem; else None.
+        """
         asked = make_query(problem, start)
         if asked is None:
             return None
@@ -178,10 +206,11 @@ class LibraryPlanner:
         return None if answer is None or start.world.violated else answer
 
     def _composed_if_it_pays(self, problem: Problem, asked: MacroQuery) -> LibraryAnswer | None:
-        """A composed plan, unless composing for such goals has failed more often than it has paid off.
+        """A composed plan, unless composing for such goals has failed more often than it has paid
+        off.
 
-        The first composed plan for such goals is compared with the planner's plan for the same problem. This trial is not
-        made if nothing is to be learned.
+        The first composed plan for such goals is compared with the planner's plan for the same
+        problem. This trial is not made if nothing is to be learned.
         """
         kinds = " + ".join(sorted(signature_counts(asked)))
         successes, failures = self.library.trials(problem.domain.name, kinds)
@@ -221,7 +250,9 @@ class LibraryPlanner:
     def _composed(self, problem: Problem, asked: MacroQuery) -> LibraryAnswer | None:
         started = time.perf_counter()
         composed_plan = compose_plan(problem, asked, self._serve)
-        if composed_plan is None or not self._approved(problem, asked.situation, composed_plan.plan):
+        if composed_plan is None or not self._approved(
+            problem, asked.situation, composed_plan.plan
+        ):
             return None
         seconds = {"composing": time.perf_counter() - started}
         return LibraryAnswer(
@@ -232,7 +263,9 @@ class LibraryPlanner:
         )
 
     def _serve(self, part: Problem, start: Situation, may_plan: bool) -> ServedPart | None:
-        """A plan for one part from the library; if there is none, from the planner if its plan can be learned."""
+        """A plan for one part from the library; if there is none, from the planner if its plan
+        can be learned.
+        """
         part = _without_waits(part)
         asked = make_query(part, start)
         if asked is None or asked.served:
@@ -245,9 +278,13 @@ class LibraryPlanner:
             answered = self._planned(part.replace(sort_naturally(start.facts)), start, whole=False)
         if not isinstance(answered.outcome, Found) or answered.after is None:
             return None
-        return ServedPart(answered.outcome.plan, answered.macrop, answered.after, planned, answered.name)
+        return ServedPart(
+            answered.outcome.plan, answered.macrop, answered.after, planned, answered.name
+        )
 
-    def _looked_up(self, problem: Problem, asked: MacroQuery, approve: bool = True) -> LibraryAnswer | None:
+    def _looked_up(
+        self, problem: Problem, asked: MacroQuery, approve: bool = True
+    ) -> LibraryAnswer | None:
         started = time.perf_counter()
         hit = self.repertoire(problem.domain).find(asked)
         seconds = {"lookup": time.perf_counter() - started}
@@ -257,20 +294,28 @@ class LibraryPlanner:
         outcome = Found(hit.plan, Statistics({}, seconds))
         assert isinstance(hit.key, int)
         parts = tuple(PlanPart(None, part.name, "", part.steps) for part in hit.macrop.parts)
-        return LibraryAnswer(outcome, "library", hit.key, str(hit.macrop.name), after=hit.after, parts=parts)
+        return LibraryAnswer(
+            outcome, "library", hit.key, str(hit.macrop.name), after=hit.after, parts=parts
+        )
 
     def _approved(self, problem: Problem, start: Situation, plan: Plan) -> bool:
-        """Whether the gate accepts a plan. If not, the plan is sought in the next way; the planner is the last one."""
+        """Whether the gate accepts a plan.
+
+        If not, the plan is sought in the next way; the planner is the last one.
+        """
         return not self._cells.gate.findings(problem, plan, start.state)
 
     def _planned(self, problem: Problem, start: Situation, whole: bool = True) -> LibraryAnswer:
         outcome, seconds = self._searched(problem, start, whole)
         return self._learned(problem, outcome, seconds, start)
 
-    def _searched(self, problem: Problem, start: Situation, whole: bool = True) -> tuple[Outcome, float]:
+    def _searched(
+        self, problem: Problem, start: Situation, whole: bool = True
+    ) -> tuple[Outcome, float]:
         """The planner's answer, and the seconds of the processor that it took.
 
-        The planner may use known sub-sequences as operators. New ones are learned from plans for whole problems.
+        The planner may use known sub-sequences as operators. New ones are learned from plans for
+        whole problems.
         """
         started = time.process_time()
         inner = self.subsequences(problem.domain)
@@ -282,7 +327,9 @@ class LibraryPlanner:
                 inner.study(problem, outcome.plan, task, start, self.limits.interrupted)
         return outcome, seconds
 
-    def _learned(self, problem: Problem, outcome: Outcome, seconds: float, start: Situation) -> LibraryAnswer:
+    def _learned(
+        self, problem: Problem, outcome: Outcome, seconds: float, start: Situation
+    ) -> LibraryAnswer:
         """The planner's answer, with what was learned from it."""
         if not isinstance(outcome, Found):
             return LibraryAnswer(outcome, "planner")
@@ -314,8 +361,9 @@ def _without_waits(part: Problem) -> Problem:
 def _composition_pays(composed: Outcome, rival: Outcome) -> bool:
     """Whether a composed plan is worth while.
 
-    It may be only a little dearer and longer than the planner's plan, and must be cheaper or avoid a long search. A search
-    is long if it has many expansions. Its time does not count, so that the same input gives the same plan.
+    It may be only a little dearer and longer than the planner's plan, and must be cheaper or avoid
+    a long search. A search is long if it has many expansions. Its time does not count, so that the
+    same input gives the same plan.
     """
     if not isinstance(rival, Found) or not isinstance(composed, Found):
         return True
@@ -333,7 +381,8 @@ MAX_LIBRARY_CELLS = 2  # cells whose evaluated facts are kept with a library
 
 @dataclass(frozen=True, slots=True)
 class _OpenLibrary:
-    """A library that stays open, with what is known of a domain, and of its cells as long as the file of places has its `version`.
+    """A library that stays open, with what is known of a domain, and of its cells as long as the
+    file of places has its `version`.
 
     `known` says what the library held, see `Library.holdings`.
     """
@@ -359,7 +408,10 @@ class _OpenLibrary:
 
 @dataclass
 class _OpenLibraries(threading.local):
-    """What a thread keeps: the latest last. `asked` are the stores for which it has planned once."""
+    """What a thread keeps: the latest last.
+
+    `asked` are the stores for which it has planned once.
+    """
 
     standing: list[_OpenLibrary] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
@@ -382,9 +434,16 @@ if hasattr(os, "register_at_fork"):
 
 @contextlib.contextmanager
 def open_planner(store: str, domain: Domain, limits: SearchLimits) -> Iterator[LibraryPlanner]:
-    """A library in use for one problem of a domain; it stays open if the process has asked before. Raises `InvalidInput`."""
+    """A library in use for one problem of a domain; it stays open if the process has asked before.
+
+    Raises `InvalidInput`.
+    """
     own, version = _take_open(store, domain), version_of_cell(domain)
-    cells = own.cells if own and own.cells and own.version == version else EvaluatedCells(MAX_LIBRARY_CELLS)
+    cells = (
+        own.cells
+        if own and own.cells and own.version == version
+        else EvaluatedCells(MAX_LIBRARY_CELLS)
+    )
     with contextlib.ExitStack() as closing:
         library = closing.enter_context(own.library if own else Library(store, beside=True))
         note_opened(store)
@@ -410,13 +469,18 @@ def close_libraries() -> None:
 
 
 def _take_open(store: str, domain: Domain) -> _OpenLibrary | None:
-    """The library that stays open for a domain, if what it knows is still true; nobody else has it meanwhile."""
+    """The library that stays open for a domain, if what it knows is still true; nobody else has
+    it meanwhile.
+    """
     library = next(
-        (open_library for open_library in _OPEN.standing if open_library.serves(store, domain)), None
+        (open_library for open_library in _OPEN.standing if open_library.serves(store, domain)),
+        None,
     )
     if library is None:
         return None
-    _OPEN.standing = [open_library for open_library in _OPEN.standing if open_library is not library]
+    _OPEN.standing = [
+        open_library for open_library in _OPEN.standing if open_library is not library
+    ]
     with contextlib.ExitStack() as closing:
         closing.callback(library.library.close)
         with contextlib.suppress(InvalidInput):  # who opens it anew hears why
@@ -427,7 +491,9 @@ def _take_open(store: str, domain: Domain) -> _OpenLibrary | None:
 
 
 def _open_library(store: str, library: Library, domain: Domain) -> _OpenLibrary:
-    """A library with the outlines as they are now: those that a problem has used may have been removed since."""
+    """A library with the outlines as they are now: those that a problem has used may have been
+    removed since.
+    """
     file, holdings = _store_identity(store), library.holdings(domain.name)
     repertoire = Repertoire(library, domain)
     if holdings[0] <= MAX_OUTLINES:
@@ -446,7 +512,10 @@ def _keep_open(own: _OpenLibrary) -> bool:
     if own.known[0] > MAX_OUTLINES or repertoire.read > 2 * MAX_READ_AHEAD:
         return False
     if repertoire.read_ahead(
-        min(max(FIRST_READ_MACROPS, repertoire.read), MAX_READ_AHEAD - min(MAX_READ_AHEAD, repertoire.read))
+        min(
+            max(FIRST_READ_MACROPS, repertoire.read),
+            MAX_READ_AHEAD - min(MAX_READ_AHEAD, repertoire.read),
+        )
     ):
         search_now()
     _OPEN.standing.append(own)

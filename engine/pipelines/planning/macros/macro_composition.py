@@ -1,8 +1,9 @@
 """Composes plans of MACROPs: each part of a problem is solved from where the last one ended.
 
-A part is a chain of the workflow, or a goal that does not hold yet. Steps that the whole plan does not need are dropped
-(Nakhost & Müller 2010). The orders between steps are computed anew, so that parts may overlap in time. If parts disturb
-each other, no plan is composed, and the planner plans the whole problem.
+A part is a chain of the workflow, or a goal that does not hold yet. Steps that the whole plan does
+not need are dropped (Nakhost & Müller 2010). The orders between steps are computed anew, so that
+parts may overlap in time. If parts disturb each other, no plan is composed, and the planner plans
+the whole problem.
 """
 
 import dataclasses
@@ -11,7 +12,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask
-from cellwright.engine.model.workflow_replay import operators_by_instance, reached_goals, replay_instances
+from cellwright.engine.model.workflow_replay import (
+    operators_by_instance,
+    reached_goals,
+    replay_instances,
+)
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.lifted.cell_domain import Situation
 from cellwright.engine.stages.macros.lookup.macro_lookup import check_instance
@@ -24,13 +29,16 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import sort_naturally
 
 MIN_ALIKE_PARTS = 3  # so many parts with the same signature make composing worth while
-LOOKED_UP_PARTS = 4  # the number of parts that are looked up at a time; the cheapest of them is taken
+# the number of parts that are looked up at a time; the cheapest of them is taken
+LOOKED_UP_PARTS = 4
 MAX_MISSES = 3  # the most parts that may need planning; with more, composing is given up
 
 
 @dataclass(frozen=True, slots=True)
 class PlanPart:
-    """Steps of a plan that came from one MACROP: its number and name, the purpose of the steps, and the steps."""
+    """Steps of a plan that came from one MACROP: its number and name, the purpose of the steps,
+    and the steps.
+    """
 
     macrop: int | None
     name: str
@@ -40,7 +48,9 @@ class PlanPart:
 
 @dataclass(frozen=True, slots=True)
 class Composed:
-    """A plan, its parts in the order in which they were made, and the situation `after` the plan."""
+    """A plan, its parts in the order in which they were made, and the situation `after` the
+    plan.
+    """
 
     plan: Plan
     parts: tuple[PlanPart, ...]
@@ -49,7 +59,9 @@ class Composed:
 
 @dataclass(frozen=True, slots=True)
 class ServedPart:
-    """A plan for one part, the MACROP that gave it if any, the situation after it, and whether it had to be planned."""
+    """A plan for one part, the MACROP that gave it if any, the situation after it, and whether
+    it had to be planned.
+    """
 
     plan: Plan
     macrop: int | None
@@ -58,12 +70,17 @@ class ServedPart:
     name: str = ""
 
 
-Serve = Callable[[Problem, Situation, bool], ServedPart | None]  # the flag: whether to plan on a miss
+# the flag: whether to plan on a miss
+Serve = Callable[[Problem, Situation, bool], ServedPart | None]
 
 
 def split_problem(problem: Problem, asked: MacroQuery) -> list[Problem]:
-    """The parts of a problem: one problem for each chain of the workflow and for each goal that does not hold yet."""
-    chains = [dataclasses.replace(problem, goal=ALWAYS_TRUE, chains=(chain,)) for chain in problem.chains]
+    """The parts of a problem: one problem for each chain of the workflow and for each goal that
+    does not hold yet.
+    """
+    chains = [
+        dataclasses.replace(problem, goal=ALWAYS_TRUE, chains=(chain,)) for chain in problem.chains
+    ]
     goals = [dataclasses.replace(problem, goal=And((goal,)), chains=()) for goal in asked.goals]
     return [*chains, *goals]
 
@@ -80,10 +97,11 @@ def worth_composing(asked: MacroQuery) -> bool:
 
 
 def compose_plan(problem: Problem, asked: MacroQuery, serve: Serve) -> Composed | None:
-    """A checked plan of parts, each solved by `serve`; None if a part cannot be solved or disturbs another one.
+    """A checked plan of parts, each solved by `serve`; None if a part cannot be solved or disturbs
+    another one.
 
-    The next part is the cheapest of the first few. A part that costs no more than the cheapest one of its kind so far is
-    taken at once.
+    The next part is the cheapest of the first few. A part that costs no more than the cheapest one
+    of its kind so far is taken at once.
     """
     line = _PartQueue(split_problem(problem, asked), asked.situation, serve)
     while line.waiting:
@@ -109,7 +127,9 @@ class _PartQueue:
         self._cheapest: dict[str, int] = {}
 
     def advance(self) -> bool:
-        """Solve one more part. False if that was not possible, or if too many parts had to be planned."""
+        """Solve one more part. False if that was not possible, or if too many parts had to be
+        planned.
+        """
         part_served = self._next()
         if part_served is None:
             return False
@@ -138,9 +158,9 @@ class _PartQueue:
 
     def _ready(self) -> list[Problem]:
         open_ = {chain.name for part in self.waiting for chain in part.chains}
-        return [part for part in self.waiting if not any(open_ & set(c.after) for c in part.chains)][
-            :LOOKED_UP_PARTS
-        ]
+        return [
+            part for part in self.waiting if not any(open_ & set(c.after) for c in part.chains)
+        ][:LOOKED_UP_PARTS]
 
 
 def _part_kind(part: Problem) -> str:
@@ -160,7 +180,9 @@ def _plan_of_sequences(plans: Iterable[Sequence[Step]]) -> Plan:
 def _without_needless_steps(
     problem: Problem, asked: MacroQuery, served_parts: Sequence[tuple[Problem, ServedPart]]
 ) -> Composed | None:
-    """The plan of all parts without needless steps, with its partial order computed anew; None if it fails a check."""
+    """The plan of all parts without needless steps, with its partial order computed anew; None
+    if it fails a check.
+    """
     task = ground(problem.replace(sort_naturally(asked.facts)))
     origin = [number for number, (_, served) in enumerate(served_parts) for _ in served.plan.steps]
     steps = [step.operator for _, served in served_parts for step in served.plan.steps]
@@ -187,19 +209,29 @@ def _without_needless_steps(
     return Composed(plan, parts, after)
 
 
-def _ordered_anew(task: GroundTask, operators: Sequence[GroundOperator]) -> tuple[Plan, list[int]] | None:
-    """The plan of the steps that are needed, and their positions in `operators`; None if there is no such plan."""
+def _ordered_anew(
+    task: GroundTask, operators: Sequence[GroundOperator]
+) -> tuple[Plan, list[int]] | None:
+    """The plan of the steps that are needed, and their positions in `operators`; None if there
+    is no such plan.
+    """
     state = task.initial
     for operator in operators:
         state = task.after(state, operator)
     goals = reached_goals(task, state)
-    if goals is None or task.axioms is not None or any(operator.conditional for operator in operators):
+    if (
+        goals is None
+        or task.axioms is not None
+        or any(operator.conditional for operator in operators)
+    ):
         return None
     needed_operators = eliminate_actions(task.initial, operators, goals)
     own = [operator for operator in operators if not is_internal(operator.instance)]
     positions, place = [], 0
     for operator in (
-        operator_kept for operator_kept in needed_operators if not is_internal(operator_kept.instance)
+        operator_kept
+        for operator_kept in needed_operators
+        if not is_internal(operator_kept.instance)
     ):
         while own[place] is not operator:
             place += 1

@@ -24,7 +24,9 @@ MAX_MACRO_FILE_BYTES = 1024 * 2**20  # of a file of MACROPs
 
 @dataclass(frozen=True, slots=True)
 class Lesson:
-    """What was learned from one plan: the number and name of its MACROP, or the reason why there is none."""
+    """What was learned from one plan: the number and name of its MACROP, or the reason why
+    there is none.
+    """
 
     file: Path
     macrop: int | None = None
@@ -34,22 +36,31 @@ class Lesson:
 
     def __str__(self) -> str:
         return (
-            f"learned as MACROP {self.macrop}, {self.name}" if self.macrop else f"not learned: {self.reason}"
+            f"learned as MACROP {self.macrop}, {self.name}"
+            if self.macrop
+            else f"not learned: {self.reason}"
         )
 
 
 def learn_from_file(file: Path, library: Library) -> Lesson:
-    """Learn from the plan in a file if the independent checker accepts it. Raises `InvalidInput`."""
+    """Learn from the plan in a file if the independent checker accepts it.
+
+    Raises `InvalidInput`.
+    """
     problem, plan = checked_plan.plan_in(file)
     wrong = checked_plan.check_plan(problem, plan, str(file))
     if wrong:
         return Lesson(file, reason="the plan is not valid", diagnostics=tuple(wrong))
     try:
-        learned = generalise_plan(problem, plan, CellDomain(problem), Semantics(problem).initial()).macrop
+        learned = generalise_plan(
+            problem, plan, CellDomain(problem), Semantics(problem).initial()
+        ).macrop
     except NotGeneral as error:
         return Lesson(file, reason=str(error))
     (number,) = library.add(macro_records([learned]))
-    return Lesson(file, number, str(learned.name), "" if number is not None else "the library has it already")
+    return Lesson(
+        file, number, str(learned.name), "" if number is not None else "the library has it already"
+    )
 
 
 def macro_records(macrops: Iterable[Macrop]) -> list[Record]:
@@ -65,18 +76,24 @@ def write_macros(file: Path, macrops: Iterable[Macrop]) -> None:
     whole = {"version": MACRO_FILE_VERSION, "macrops": list(map(document, macrops))}
     try:
         file.write_text(
-            escape_controls(json.dumps(whole, indent=1, ensure_ascii=False)) + "\n", encoding="utf-8"
+            escape_controls(json.dumps(whole, indent=1, ensure_ascii=False)) + "\n",
+            encoding="utf-8",
         )
     except OSError as error:
         raise _refuse_file(file, "K415", f"cannot be written: {error.strerror}") from error
 
 
 def read_macros(file: Path) -> list[Macrop]:
-    """The MACROPs in a file that `write` has made. Raises `InvalidInput` if it cannot be read or is no such file."""
+    """The MACROPs in a file that `write` has made.
+
+    Raises `InvalidInput` if it cannot be read or is no such file.
+    """
     try:
         whole = parse_json(read_file(file, most=MAX_MACRO_FILE_BYTES).text)
         if whole["version"] != MACRO_FILE_VERSION:
-            raise _refuse_file(file, "K413", f"this is format {whole['version']}, not {MACRO_FILE_VERSION}")
+            raise _refuse_file(
+                file, "K413", f"this is format {whole['version']}, not {MACRO_FILE_VERSION}"
+            )
         return list(map(macrop_of, whole["macrops"]))
     except (NotationError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise _refuse_file(file, "K413", f"the file does not hold MACROPs: {error}") from error

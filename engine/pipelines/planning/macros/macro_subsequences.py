@@ -1,9 +1,10 @@
 """Sub-sequences of plans as MACROPs in the search: learned, tried, offered, and dropped.
 
-A sub-sequence that recurs in a plan is generalised like any plan, by explanation. The plan's task is then solved again
-with it. If a kind of search needs less work with the sub-sequence, it is kept, and offered to that kind of search. Such
-trials are made for the first few tasks of a domain. After that only uses are counted. A sub-sequence that is offered often
-but seldom used is no longer offered.
+A sub-sequence that recurs in a plan is generalised like any plan, by explanation. The plan's task
+is then solved again with it. If a kind of search needs less work with the sub-sequence, it is kept,
+and offered to that kind of search. Such trials are made for the first few tasks of a domain. After
+that only uses are counted. A sub-sequence that is offered often but seldom used is no longer
+offered.
 """
 
 import hashlib
@@ -82,7 +83,10 @@ class Subsequences:
 
     @cached_property
     def _lessons(self) -> str:
-        """The key under which trials are counted. It depends on the operators: when they change, the count begins anew."""
+        """The key under which trials are counted.
+
+        It depends on the operators: when they change, the count begins anew.
+        """
         names = sorted({operator.name for operator in self.domain.operators})
         operators = "".join(self._digests.of(f"operator {name}") for name in names)
         return f"{SUBSEQUENCE_SIGNATURE} {hashlib.sha256(operators.encode()).hexdigest()[:16]}"
@@ -94,26 +98,38 @@ class Subsequences:
         return [
             KnownSubsequence(
                 macrop_stored,
-                {s: figures[macrop_stored.id, s] for s in SEARCH_KINDS if (macrop_stored.id, s) in figures},
+                {
+                    s: figures[macrop_stored.id, s]
+                    for s in SEARCH_KINDS
+                    if (macrop_stored.id, s) in figures
+                },
             )
             for macrop_stored in stored
             if self._digests.fresh(macrop_stored.macrop.depends)
         ]
 
     def offered(self) -> Macros:
-        """The sub-sequences that the searches may use as operators: the few that save the greatest share of work."""
+        """The sub-sequences that the searches may use as operators: the few that save the
+        greatest share of work.
+        """
         return Macros(
-            *(tuple(subsequence.pattern for subsequence in self._paying(search)) for search in SEARCH_KINDS)
+            *(
+                tuple(subsequence.pattern for subsequence in self._paying(search))
+                for search in SEARCH_KINDS
+            )
         )
 
     def _paying(self, search: str) -> list[KnownSubsequence]:
         paying = [subsequence for subsequence in self._known if subsequence.pays(search)]
         return sorted(
-            paying, key=lambda subsequence: (subsequence.utilities[search].share, subsequence.stored.id)
+            paying,
+            key=lambda subsequence: (subsequence.utilities[search].share, subsequence.stored.id),
         )[:MAX_PATTERNS_TOGETHER]
 
     def note(self, statistics: Statistics) -> None:
-        """Count which sub-sequences were offered to the search that found the answer, and which of them it used."""
+        """Count which sub-sequences were offered to the search that found the answer, and which
+        of them it used.
+        """
         offer = statistics.offer
         self._count(
             {
@@ -131,24 +147,35 @@ class Subsequences:
             self._known = self._fetched()
 
     def folded(self, plan: Plan) -> tuple[PlanPart, ...]:
-        """The plan split into known sub-sequences and single steps. Of sub-sequences that overlap the longest is taken."""
+        """The plan split into known sub-sequences and single steps.
+
+        Of sub-sequences that overlap the longest is taken.
+        """
         parts: list[PlanPart] = []
         taken: set[StepId] = set()
         order = PlanOrder(plan)
         for subsequence in sorted(
             self._known,
-            key=lambda known_subsequence: (-len(known_subsequence.pattern), known_subsequence.stored.id),
+            key=lambda known_subsequence: (
+                -len(known_subsequence.pattern),
+                known_subsequence.stored.id,
+            ),
         ):
             for steps in matching_sequences(order, subsequence.pattern, taken):
                 purpose = ", ".join(str(step.operator) for step in steps)
                 parts.append(
                     PlanPart(
-                        subsequence.stored.id, str(subsequence.stored.macrop.name), purpose, _step_ids(steps)
+                        subsequence.stored.id,
+                        str(subsequence.stored.macrop.name),
+                        purpose,
+                        _step_ids(steps),
                     )
                 )
                 taken.update(parts[-1].steps)
         single = [
-            PlanPart(None, str(step.operator), "", (step.id,)) for step in plan.steps if step.id not in taken
+            PlanPart(None, str(step.operator), "", (step.id,))
+            for step in plan.steps
+            if step.id not in taken
         ]
         places = {step.id: place for place, step in enumerate(plan.steps)}
         return tuple(sorted([*parts, *single], key=lambda part: places[part.steps[0]]))
@@ -156,13 +183,18 @@ class Subsequences:
     def study(
         self, problem: Problem, plan: Plan, task: GroundTask, start: Situation, stop: Interrupted
     ) -> None:
-        """Learn from a plan for `task` from the situation `here`: try its recurring sub-sequences and the known ones."""
+        """Learn from a plan for `task` from the situation `here`: try its recurring
+        sub-sequences and the known ones.
+        """
         tasks = sum(self._library.trials(self.domain.name, self._lessons))
-        small = len(task.operators) <= MAX_TRIAL_OPERATORS and 1 < len(plan.steps) <= MAX_SEARCHED_STEPS
+        small = (
+            len(task.operators) <= MAX_TRIAL_OPERATORS and 1 < len(plan.steps) <= MAX_SEARCHED_STEPS
+        )
         if tasks >= TRIAL_TASKS or not small or stop():
             return
         fresh = _distinct_macrops(
-            lift_subsequence(recurring_steps, problem, start) for recurring_steps in self._strangers(plan)
+            lift_subsequence(recurring_steps, problem, start)
+            for recurring_steps in self._strangers(plan)
         )
         patterns = [*(subsequence.pattern for subsequence in self._known), *map(pattern_of, fresh)]
         trials = (
@@ -172,13 +204,20 @@ class Subsequences:
         )
         if stop():
             return
-        paying = [macrop for macrop in fresh if any(t[pattern_of(macrop)].paid for t in trials.values() if t)]
+        paying = [
+            macrop
+            for macrop in fresh
+            if any(t[pattern_of(macrop)].paid for t in trials.values() if t)
+        ]
         self._library.note_trial(self.domain.name, self._lessons, bool(paying))
         self._keep(paying)
         self._count(self._figures(trials))
         order = PlanOrder(plan)
         self._library.note_uses(
-            {subsequence.stored.id: Use(_count_uses(order, subsequence), 0.0) for subsequence in self._known}
+            {
+                subsequence.stored.id: Use(_count_uses(order, subsequence), 0.0)
+                for subsequence in self._known
+            }
         )
         self._drop()
 
@@ -192,23 +231,31 @@ class Subsequences:
         return [
             recurring_part
             for recurring_part in often
-            if not any(_is_known(known_subsequence, recurring_part) for known_subsequence in self._known)
+            if not any(
+                _is_known(known_subsequence, recurring_part) for known_subsequence in self._known
+            )
         ][:MAX_SUBSEQUENCE_TRIALS]
 
     def _keep(self, macrops: Sequence[Macrop]) -> None:
         if macrops:
             parts = [
-                (str(subsequence.stored.macrop.name), subsequence.pattern) for subsequence in self._known
+                (str(subsequence.stored.macrop.name), subsequence.pattern)
+                for subsequence in self._known
             ]
             parts += [(str(macrop.name), pattern_of(macrop)) for macrop in macrops]
             self._library.add(
-                [Record(replace(m, parts=_macro_parts(m, parts)), SUBSEQUENCE_SIGNATURE) for m in macrops]
+                [
+                    Record(replace(m, parts=_macro_parts(m, parts)), SUBSEQUENCE_SIGNATURE)
+                    for m in macrops
+                ]
             )
             self._known = self._fetched()
 
     def _figures(self, trials: dict[str, dict[Pattern, PatternTrial]]) -> UtilityFigures:
         return {
-            (subsequence.stored.id, search): Utility(trials=1, without=trial.without, beside=trial.beside)
+            (subsequence.stored.id, search): Utility(
+                trials=1, without=trial.without, beside=trial.beside
+            )
             for search, trial_result in trials.items()
             for subsequence in self._known
             if (trial := trial_result.get(subsequence.pattern)) is not None
@@ -219,7 +266,8 @@ class Subsequences:
         gone = [
             subsequence.stored.id
             for subsequence in self._known
-            if max((u.trials for u in subsequence.utilities.values()), default=0) >= MAX_FAILED_TRIALS
+            if max((u.trials for u in subsequence.utilities.values()), default=0)
+            >= MAX_FAILED_TRIALS
             and not any(map(subsequence.pays, SEARCH_KINDS))
         ]
         if gone:
@@ -249,14 +297,19 @@ def _count_uses(order: PlanOrder, subsequence: KnownSubsequence) -> int:
 def _distinct_macrops(macrops: Iterable[Macrop | None]) -> list[Macrop]:
     """One MACROP of each shape."""
     return list(
-        {sequence_shape(pattern_of(macrop)): macrop for macrop in macrops if macrop is not None}.values()
+        {
+            sequence_shape(pattern_of(macrop)): macrop for macrop in macrops if macrop is not None
+        }.values()
     )
 
 
-def lift_subsequence(recurrence: RecurringSequence, problem: Problem, situation: Situation) -> Macrop | None:
+def lift_subsequence(
+    recurrence: RecurringSequence, problem: Problem, situation: Situation
+) -> Macrop | None:
     """The MACROP of a sub-sequence; None if it cannot be generalised.
 
-    The sub-sequence is generalised like a plan: from the situation where it begins, with the facts that it adds as goals.
+    The sub-sequence is generalised like a plan: from the situation where it begins, with the facts
+    that it adds as goals.
     """
     start = final_situation(Plan(recurrence.before), situation)
     own = _in_sequence(recurrence.steps)
@@ -270,7 +323,9 @@ def lift_subsequence(recurrence: RecurringSequence, problem: Problem, situation:
     except NotGeneral:
         return None
     macrop = specialise_macro(macrop, recurrence.operators)
-    name = Function("_then_".join(step.operator.name for step in macrop.steps), macrop.name.arguments)
+    name = Function(
+        "_then_".join(step.operator.name for step in macrop.steps), macrop.name.arguments
+    )
     return replace(macrop, name=name, subsequence=True)
 
 
@@ -284,8 +339,13 @@ def _in_sequence(steps: Sequence[Step]) -> Plan:
     )
 
 
-def _macro_parts(macrop: Macrop, known_macros: Sequence[tuple[str, Pattern]]) -> tuple[MacroPart, ...]:
-    """The shorter MACROPs inside a MACROP's steps. The longest are taken first, and none overlaps another."""
+def _macro_parts(
+    macrop: Macrop, known_macros: Sequence[tuple[str, Pattern]]
+) -> tuple[MacroPart, ...]:
+    """The shorter MACROPs inside a MACROP's steps.
+
+    The longest are taken first, and none overlaps another.
+    """
     pattern, parts = pattern_of(macrop), []
     free = [True] * len(pattern)
     for name, part in sorted(known_macros, key=lambda name_and_pattern: -len(name_and_pattern[1])):

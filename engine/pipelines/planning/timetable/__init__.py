@@ -1,8 +1,8 @@
 """From a problem to a timetable: plans, schedules, makes a plan of the schedule, and checks it.
 
-A schedule is always also a valid plan: the steps are put in the order of their starts, orders that they do not need are
-removed, and the result passes the gate. Some plans have no structure that can be scheduled. Such a plan keeps its own
-order, and passes the gate as it was given.
+A schedule is always also a valid plan: the steps are put in the order of their starts, orders that
+they do not need are removed, and the result passes the gate. Some plans have no structure that can
+be scheduled. Such a plan keeps its own order, and passes the gate as it was given.
 """
 
 import time
@@ -25,7 +25,9 @@ from cellwright.engine.pipelines.planning.timetable.block_schedule import (
     by_blocks,
     by_other_hands,
 )
-from cellwright.engine.pipelines.planning.timetable.block_schedule import operators_of as operators_of
+from cellwright.engine.pipelines.planning.timetable.block_schedule import (
+    operators_of as operators_of,
+)
 from cellwright.engine.pipelines.planning.timetable.kept_order import (
     MAX_SCHEDULED_STEPS,
     order_keeping_timetable,
@@ -45,7 +47,10 @@ WINDOWS_KEEP_ORDER = "measurements with windows keep their order"
 
 
 def subject_of(target: str, goals: str = "", command: str = "") -> tuple[Problem, Plan | None]:
-    """The problem that a target names, and the plan if the target is the file of a plan. Raises `InvalidInput`."""
+    """The problem that a target names, and the plan if the target is the file of a plan.
+
+    Raises `InvalidInput`.
+    """
     from cellwright.kb.loader.plan import is_plan  # not needed for tasks in PDDL, and slow to load
 
     if is_plan(Path(target)):
@@ -59,13 +64,18 @@ def make_timetable(
     planning: SearchLimits = SearchLimits(),
     limits: ScheduleLimits = ScheduleLimits(),
 ) -> Timetable | Infeasible | GaveUp:
-    """The timetable of `plan`, or of a new plan for the problem if none is given. Raises `InvalidInput`."""
+    """The timetable of `plan`, or of a new plan for the problem if none is given.
+
+    Raises `InvalidInput`.
+    """
     started = time.perf_counter()
     if plan is not None and len(plan.steps) > MAX_SCHEDULED_STEPS:
         long = keep_plan_order(problem, _checked_plan(PlanGate(), problem, plan))
         return replace(long, statistics=Statistics({}, {"in all": time.perf_counter() - started}))
     outcome, task = (
-        (Found(plan), task_for(problem, plan)) if plan is not None else plan_and_ground(problem, planning)
+        (Found(plan), task_for(problem, plan))
+        if plan is not None
+        else plan_and_ground(problem, planning)
     )
     if not isinstance(outcome, Found):
         return outcome
@@ -96,7 +106,9 @@ def _without_spares(
     planning: SearchLimits,
     limits: ScheduleLimits,
 ) -> Timetable:
-    """The best timetable of the plan, of one that does without spare means, and of both with their blocks shared out anew."""
+    """The best timetable of the plan, of one that does without spare means, and of both with
+    their blocks shared out anew.
+    """
     spared_timetables = without_spares(problem, task, outcome, timetable_made, planning, limits)
     return min([timetable_made, *spared_timetables], key=timetable_value)
 
@@ -109,7 +121,8 @@ def without_spares(
     planning: SearchLimits,
     limits: ScheduleLimits,
 ) -> list[Timetable]:
-    """The timetables of a plan that does without spare means, and of plans in which other arms do what it does.
+    """The timetables of a plan that does without spare means, and of plans in which other arms do
+    what it does.
 
     None if the plan that was found cannot be done sooner so.
     """
@@ -122,7 +135,9 @@ def without_spares(
         fewer = with_one_of_each(problem, task, outcome, planning)
     timed_ = [] if fewer is None else [time_plan(problem, task, fewer, limits)]
     shared = (
-        by_other_hands(problem, task, candidate, limits) for candidate in (outcome.plan, fewer) if candidate
+        by_other_hands(problem, task, candidate, limits)
+        for candidate in (outcome.plan, fewer)
+        if candidate
     )
     return [
         *(candidate for candidate in timed_ if isinstance(candidate, Timetable)),
@@ -131,7 +146,9 @@ def without_spares(
 
 
 def timetable_value(timetable_made: Timetable) -> tuple[int, ...]:
-    """What timetables are compared by; one that keeps to all that is wished comes first, the best proved one last."""
+    """What timetables are compared by; one that keeps to all that is wished comes first, the
+    best proved one last.
+    """
     schedule = timetable_made.schedule
     late = sum(overstay.lasts - overstay.most for overstay in timetable_made.overstays)
     best = late, schedule.tardiness, schedule.makespan
@@ -146,11 +163,13 @@ def time_plan(
     busy: Mapping[Term, int] = NOT_BUSY,
     begin: int = 0,
 ) -> Timetable | Infeasible | GaveUp:
-    """The timetable of a plan: of its blocks where it can be cut into such, else of its steps one by one.
+    """The timetable of a plan: of its blocks where it can be cut into such, else of its steps one
+    by one.
 
-    What is `busy` at the start is free after so many units of time. The plan begins at `begin` of the clock that release and
-    due times are of. Where longest stays are asked for, a plan's own order is no answer: then there may be none. Raises `InvalidInput` if the
-    plan's own order remains and the checker refuses the plan.
+    What is `busy` at the start is free after so many units of time. The plan begins at `begin` of
+    the clock that release and due times are of. Where longest stays are asked for, a plan's own
+    order is no answer: then there may be none. Raises `InvalidInput` if the plan's own order
+    remains and the checker refuses the plan.
     """
     gate = PlanGate()
     wishes = from_then_on(wishes_for(gate.semantics(problem), plan), begin, busy)
@@ -168,15 +187,19 @@ def time_plan(
         return timetable_made
     plan = _checked_plan(gate, problem, plan)
     best = replace(steps, plan=plan).in_best_order(gate, limits, timetable_made)
-    return best if best is not None else _as_given(problem, plan, timetable_made, wishes, steps.bound)
+    return (
+        best if best is not None else _as_given(problem, plan, timetable_made, wishes, steps.bound)
+    )
 
 
 def from_then_on(
     wishes: Wishes, begin: int, busy: Mapping[Term, int] = NOT_BUSY, tour: int | None = None
 ) -> Wishes:
-    """The wishes for a plan that begins at a time: what should have ended before is late from the start.
+    """The wishes for a plan that begins at a time: what should have ended before is late from the
+    start.
 
-    What is `busy` then is free after so many units of time. A tour that is under way by then has begun at `tour`.
+    What is `busy` then is free after so many units of time. A tour that is under way by then has
+    begun at `tour`.
     """
     release = {release_key: max(0, time_ - begin) for release_key, time_ in wishes.release.items()}
     due = {due_key: due - begin for due_key, due in wishes.due.items()}
@@ -184,7 +207,8 @@ def from_then_on(
     if tour is None:
         return later_wishes
     windows = {
-        name: (first + tour - begin, last + tour - begin) for name, (first, last) in wishes.windows.items()
+        name: (first + tour - begin, last + tour - begin)
+        for name, (first, last) in wishes.windows.items()
     }
     return replace(later_wishes, windows=windows, under_way=True)
 
@@ -194,13 +218,17 @@ def _later_release(release: Mapping[Term, int], busy: Mapping[Term, int]) -> Map
 
 
 def keep_plan_order(problem: Problem, plan: Plan) -> Timetable:
-    """A checked plan in its own order, with the travel between its steps; nothing is grounded or searched."""
+    """A checked plan in its own order, with the travel between its steps; nothing is grounded
+    or searched.
+    """
     long = (
         f"more than {MAX_SCHEDULED_STEPS} steps keep their order"
         if len(plan.steps) > MAX_SCHEDULED_STEPS
         else ""
     )
-    return order_keeping_timetable(problem, plan, wishes_for(PlanGate().semantics(problem), plan), long)
+    return order_keeping_timetable(
+        problem, plan, wishes_for(PlanGate().semantics(problem), plan), long
+    )
 
 
 def own_order(problem: Problem, task: GroundTask, plan: Plan) -> Timetable:
@@ -221,7 +249,8 @@ def own_order(problem: Problem, task: GroundTask, plan: Plan) -> Timetable:
 def by_other_means(
     problem: Problem, task: GroundTask, plans: Sequence[Plan], limits: ScheduleLimits, bound: int
 ) -> Timetable | None:
-    """The best plan that chooses among the steps of some plans and the same by other means, as arms and machines.
+    """The best plan that chooses among the steps of some plans and the same by other means, as arms
+    and machines.
 
     None if there are no other means. No plan of the task is shorter than `bound`.
     """
@@ -239,7 +268,9 @@ def by_other_means(
 
 
 def _as_given(problem: Problem, plan: Plan, note: str, wishes: Wishes, bound: int = 0) -> Timetable:
-    """The plan in its own order, with everything that is wished; some things may stay too long in a place then."""
+    """The plan in its own order, with everything that is wished; some things may stay too long
+    in a place then.
+    """
     return (
         order_keeping_timetable(problem, plan, wishes, note)
         if wishes.any

@@ -28,7 +28,8 @@ def alternative_operators(
 ) -> Iterator[GroundOperator]:
     """Each step by every other means, as often as the plan has it.
 
-    Means are resources that no goal names. Where a step has another argument, both are means, or both are numbers.
+    Means are resources that no goal names. Where a step has another argument, both are means, or
+    both are numbers.
     """
     means = _spare_resources(task, goals)
     stages = bitset([number for number, atom in enumerate(task.atoms) if atom.name == STAGE_FLUENT])
@@ -53,7 +54,9 @@ def alternative_operators(
 
 
 def exchangeable_means(task: GroundTask, instances: Iterable[Atom]) -> Iterator[tuple[Term, Term]]:
-    """Pairs of means of which the first does one of these instances, and the second can do the same in its place."""
+    """Pairs of means of which the first does one of these instances, and the second can do the
+    same in its place.
+    """
     means = _spare_resources(task, reduce(or_, task.goals, 0))
     own: dict[tuple[object, ...], set[Atom]] = {}
     for instance in instances:
@@ -93,11 +96,17 @@ def _is_alike(first: Atom, second: Atom, means: frozenset[Term]) -> bool:
     return any(mean for mean, _ in exchanged) and all(mean or number for mean, number in exchanged)
 
 
-MIN_SPARE_EXPANSIONS = 2_000  # expansions that the search for the other plan may take, or as many as that for the plan itself took
+# expansions that the search for the other plan may take, or as many as that for the plan itself
+# took
+MIN_SPARE_EXPANSIONS = 2_000
 
 
-def with_one_of_each(problem: Problem, task: GroundTask, outcome: Found, limits: SearchLimits) -> Plan | None:
-    """A plan without the spare means of the plan that was found; None if it has none, or if none is soon found."""
+def with_one_of_each(
+    problem: Problem, task: GroundTask, outcome: Found, limits: SearchLimits
+) -> Plan | None:
+    """A plan without the spare means of the plan that was found; None if it has none, or if
+    none is soon found.
+    """
     spare = spare_means(task, outcome.plan)
     if not spare or limits.interrupted():
         return None
@@ -109,10 +118,14 @@ def with_one_of_each(problem: Problem, task: GroundTask, outcome: Found, limits:
 
 
 def spare_means(task: GroundTask, plan: Plan) -> frozenset[Term]:
-    """The resources of a plan whose steps busier ones can do, which do at least as much in the plan."""
+    """The resources of a plan whose steps busier ones can do, which do at least as much in the
+    plan.
+    """
     load: Counter[Term] = Counter()
     for step in plan.steps:
         load.update(dict.fromkeys(step.resources, step.duration))
     rank = {means: (-busy, str(means)) for means, busy in load.items()}
     pairs = exchangeable_means(task, [step.operator for step in plan.steps])
-    return frozenset(spare for spare, better in pairs if better in rank and rank[better] < rank[spare])
+    return frozenset(
+        spare for spare, better in pairs if better in rank and rank[better] < rank[spare]
+    )

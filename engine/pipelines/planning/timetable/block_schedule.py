@@ -44,7 +44,9 @@ def subjects_of(problem: Problem) -> tuple[Term, ...]:
 
 
 def by_blocks(gate: PlanGate, steps: TimedSteps, limits: ScheduleLimits) -> Timetable | str:
-    """The schedule of the blocks of a plan, or why there is none; none is longer than the plan in its own order."""
+    """The schedule of the blocks of a plan, or why there is none; none is longer than the plan
+    in its own order.
+    """
     problem, wishes = steps.problem, steps.wishes
     if problem.domain.quantities:
         return "steps change quantities, so that their order counts"
@@ -65,20 +67,29 @@ def _has_dwells(shop: Shop) -> bool:
     return any(window.most is not None for window in shop.windows)
 
 
-def _as_plan(gate: PlanGate, steps: TimedSteps, work: CellWork, scheduled: ValidSchedule) -> Timetable:
+def _as_plan(
+    gate: PlanGate, steps: TimedSteps, work: CellWork, scheduled: ValidSchedule
+) -> Timetable:
     """The schedule as a plan that the checker accepts. Raises `Mislaid`."""
     timed = timed_steps(steps.task, work, scheduled.schedule)
-    plan = deorder_steps(steps.task, [s.operator for s in timed], steps.goals, [s.start for s in timed])
+    plan = deorder_steps(
+        steps.task, [s.operator for s in timed], steps.goals, [s.start for s in timed]
+    )
     starts = {step.id: timed_step.start for step, timed_step in zip(plan.steps, timed, strict=True)}
     if wrong := gate.findings(steps.problem, plan):
         raise Mislaid(wrong[0].message)
     _require_order(plan, starts, timed)
     settled = replace(scheduled.schedule, units=places_of_visits(work, scheduled.schedule))
-    return Timetable(plan, starts, work.shop, settled, SCOPE_BLOCKS, statistics=scheduled.statistics)
+    return Timetable(
+        plan, starts, work.shop, settled, SCOPE_BLOCKS, statistics=scheduled.statistics
+    )
 
 
 def _require_order(plan: Plan, starts: Mapping[StepId, int], steps: Sequence[TimedStep]) -> None:
-    """Check that every step starts only after all steps that it waits for have ended. Raises `Mislaid`."""
+    """Check that every step starts only after all steps that it waits for have ended.
+
+    Raises `Mislaid`.
+    """
     ends = {step_made.id: step.end for step_made, step in zip(plan.steps, steps, strict=True)}
     for step in plan.steps:
         if any(ends[before] > starts[step.id] for before in step.after):
@@ -86,7 +97,8 @@ def _require_order(plan: Plan, starts: Mapping[StepId, int], steps: Sequence[Tim
 
 
 def operators_of(task: GroundTask, plan: Plan) -> tuple[list[GroundOperator], Bits]:
-    """The ground operators of a plan's steps in its order, without conditional effects, and the goal that they reach.
+    """The ground operators of a plan's steps in its order, without conditional effects, and the
+    goal that they reach.
 
     Every stage is reached as early as possible.
     """
@@ -111,7 +123,9 @@ def operators_of(task: GroundTask, plan: Plan) -> tuple[list[GroundOperator], Bi
 def _visible_goal(task: GroundTask, goal: Bits) -> Bits:
     """A goal without the internal atoms that grounding has added, except those of stages."""
     hidden = [
-        n for n, atom in enumerate(task.atoms) if atom.name.startswith("_") and atom.name != STAGE_FLUENT
+        n
+        for n, atom in enumerate(task.atoms)
+        if atom.name.startswith("_") and atom.name != STAGE_FLUENT
     ]
     return goal & ~bitset(hidden)
 
@@ -137,7 +151,9 @@ def by_other_hands(
     try:
         operators, goals = operators_of(task, plan)
         for steps in shared_out(task, operators, subjects_of(problem)):
-            timetable = by_blocks(gate, TimedSteps(problem, task, plan, steps, goals, wishes), share)
+            timetable = by_blocks(
+                gate, TimedSteps(problem, task, plan, steps, goals, wishes), share
+            )
             if isinstance(timetable, Timetable):
                 yield timetable
     except Unstructured:

@@ -8,13 +8,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from cellwright.engine.model.plan_times import plan_makespan
-from cellwright.engine.model.shop_scheduling import Schedule, Shop, StageMoment, StageWindow, Timetable
+from cellwright.engine.model.shop_scheduling import (
+    Schedule,
+    Shop,
+    StageMoment,
+    StageWindow,
+    Timetable,
+)
 from cellwright.engine.model.time_limits import measured_steps, missed_windows, opening_delays
 from cellwright.engine.pipelines.planning.dwell_limits import find_overstays
 from cellwright.engine.pipelines.planning.plan_gate import InternalError, PlanGate
 from cellwright.engine.pipelines.planning.timetable.step_order import by_step
 from cellwright.engine.stages.scheduling.checker import check_schedule
-from cellwright.engine.stages.scheduling.plan_blocks import Unstructured, arm_resource, contains_term
+from cellwright.engine.stages.scheduling.plan_blocks import (
+    Unstructured,
+    arm_resource,
+    contains_term,
+)
 from cellwright.engine.stages.scheduling.shop_translation import Wishes
 from cellwright.kb.diagnostics import Diagnostic, Source
 from cellwright.kb.model.plan_model import Plan, Step, StepId
@@ -25,23 +35,35 @@ MAX_SCHEDULED_STEPS = 400  # steps; longer plans keep their order
 SCOPE_KEPT_ORDER = "of all schedules that keep this order of the steps"
 
 
-def order_keeping_timetable(problem: Problem, plan: Plan, wishes: Wishes, note: str = "") -> Timetable:
-    """The timetable of a plan that the checker accepts, in its own order, with what stays too long in a place then.
+def order_keeping_timetable(
+    problem: Problem, plan: Plan, wishes: Wishes, note: str = ""
+) -> Timetable:
+    """The timetable of a plan that the checker accepts, in its own order, with what stays too long
+    in a place then.
 
     The checker of schedules has replayed it.
     """
-    round_, visits = _arm_round(plan, wishes), measured_steps(problem, plan) if wishes.windows else {}
-    start = 0 if wishes.under_way else None  # of the tour; None if it starts with the first measurement
+    round_, visits = (
+        _arm_round(plan, wishes),
+        measured_steps(problem, plan) if wishes.windows else {},
+    )
+    # of the tour; None if it starts with the first measurement
+    start = 0 if wishes.under_way else None
     starts = _earliest_starts(plan, wishes, round_, opening_delays(wishes.windows, visits), start)
     last, late = plan_makespan(plan, starts), weighted_lateness(plan, wishes, starts)
-    too_long = find_overstays(problem, plan, starts, wishes.longest_stay, PlanGate().semantics(problem))
+    too_long = find_overstays(
+        problem, plan, starts, wishes.longest_stay, PlanGate().semantics(problem)
+    )
     schedule = Schedule({}, (), last, last, late, proved=not too_long)
     timetable = by_step(problem, plan, starts, schedule, note, SCOPE_KEPT_ORDER)
     waiting = (
-        timetable.shop if wishes.under_way else _with_windows(timetable.shop, wishes.windows, visits, plan)
+        timetable.shop
+        if wishes.under_way
+        else _with_windows(timetable.shop, wishes.windows, visits, plan)
     )
     shop = _with_travel(waiting, round_)
-    replayed = replace(timetable.schedule, tardiness=0)  # due times are of objects, and so of several jobs
+    # due times are of objects, and so of several jobs
+    replayed = replace(timetable.schedule, tardiness=0)
     if wrong := check_schedule(shop, replayed):
         raise InternalError([Diagnostic(Source(problem.path), "K508", wrong[0])])
     outside = missed_windows(wishes.windows, visits, starts, start)
@@ -50,7 +72,9 @@ def order_keeping_timetable(problem: Problem, plan: Plan, wishes: Wishes, note: 
 
 @dataclass(frozen=True, slots=True)
 class _ArmRound:
-    """What the arm does between steps: the steps before its steps, the times from there, and where its stages are."""
+    """What the arm does between steps: the steps before its steps, the times from there, and
+    where its stages are.
+    """
 
     arm: str
     before: Mapping[StepId, StepId]
@@ -60,7 +84,9 @@ class _ArmRound:
 
 
 def _arm_round(plan: Plan, wishes: Wishes) -> _ArmRound:
-    """The round of the arm through the places of its steps; a step that names no place is done where the last one was."""
+    """The round of the arm through the places of its steps; a step that names no place is done
+    where the last one was.
+    """
     own = _steps_of_arm(plan, wishes)
     arm, steps = own if own is not None else (None, [])
     stops: list[Term | None] = []
@@ -96,14 +122,18 @@ def _steps_of_arm(plan: Plan, wishes: Wishes) -> tuple[Term, list[Step]] | None:
 def _earliest_starts(
     plan: Plan, wishes: Wishes, round_: _ArmRound, opening: Mapping[StepId, int], begin: int | None
 ) -> dict[StepId, int]:
-    """The earliest start of each step: after the steps that it waits for, its release, the way of the arm to it, and the
-    `opening` of its window after the `begin` of the tour.
+    """The earliest start of each step: after the steps that it waits for, its release, the way of
+    the arm to it, and the `opening` of its window after the `begin` of the tour.
     """
     starts: dict[StepId, int] = {}
     ends: dict[StepId, int] = {}
     for step in plan.steps:
         soonest = [ends[before] for before in step.after]
-        soonest += [time for subject, time in wishes.release.items() if contains_term(step.operator, subject)]
+        soonest += [
+            time
+            for subject, time in wishes.release.items()
+            if contains_term(step.operator, subject)
+        ]
         if step.id in round_.before:
             soonest.append(ends[round_.before[step.id]] + round_.ways[step.id])
         if step.id in opening:
@@ -117,7 +147,9 @@ def _earliest_starts(
 def _with_windows(
     shop: Shop, windows: Mapping[str, tuple[int, int]], visits: Mapping[StepId, str], plan: Plan
 ) -> Shop:
-    """The shop with the windows that visits open after the first one, so that the checker of schedules sees them."""
+    """The shop with the windows that visits open after the first one, so that the checker of
+    schedules sees them.
+    """
     names = {step.id: f"{step.id} {step.operator}" for step in plan.steps}
     if not visits:
         return shop
@@ -125,7 +157,9 @@ def _with_windows(
     begin = windows.get(visits[first], (0, 0))[0]
     opened = (
         StageWindow(
-            StageMoment(names[first]), StageMoment(names[step]), max(0, windows[visits[step]][0] - begin)
+            StageMoment(names[first]),
+            StageMoment(names[step]),
+            max(0, windows[visits[step]][0] - begin),
         )
         for step in later_visits
         if visits[step] in windows
@@ -143,7 +177,9 @@ def weighted_lateness(plan: Plan, wishes: Wishes, starts: Mapping[StepId, int]) 
 
 
 def _with_travel(shop: Shop, round_: _ArmRound) -> Shop:
-    """The shop with the ways of the arm between its steps, so that the checker of schedules sees them."""
+    """The shop with the ways of the arm between its steps, so that the checker of schedules
+    sees them.
+    """
     if not round_.travel:
         return shop
     resources = tuple(
@@ -154,7 +190,11 @@ def _with_travel(shop: Shop, round_: _ArmRound) -> Shop:
         replace(
             job,
             stages=tuple(
-                replace(s, origin=round_.places.get(s.name, ""), destination=round_.places.get(s.name, ""))
+                replace(
+                    s,
+                    origin=round_.places.get(s.name, ""),
+                    destination=round_.places.get(s.name, ""),
+                )
                 for s in job.stages
             ),
         )

@@ -1,6 +1,7 @@
 """Timetables of single steps: in the order of the plan, or in the best of all their orders.
 
-That is for plans that cannot be cut into blocks: whatever the arms do at the start, and whatever a step moves.
+That is for plans that cannot be cut into blocks: whatever the arms do at the start, and whatever a
+step moves.
 """
 
 from collections import Counter
@@ -13,12 +14,23 @@ from cellwright.engine.kernels.bits import Bits, indices
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask
 from cellwright.engine.model.outcome import Infeasible
 from cellwright.engine.model.plan_times import earliest_starts, plan_makespan
-from cellwright.engine.model.shop_scheduling import Resource, Schedule, Shop, ShopJob, ShopStage, Timetable
+from cellwright.engine.model.shop_scheduling import (
+    Resource,
+    Schedule,
+    Shop,
+    ShopJob,
+    ShopStage,
+    Timetable,
+)
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.planning.timetable.alternative_means import alternative_operators
 from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps
 from cellwright.engine.stages.scheduling import ScheduleLimits
-from cellwright.engine.stages.scheduling.plan_blocks import Unstructured, arm_resource, contains_term
+from cellwright.engine.stages.scheduling.plan_blocks import (
+    Unstructured,
+    arm_resource,
+    contains_term,
+)
 from cellwright.engine.stages.scheduling.shop_translation import Wishes
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
@@ -36,7 +48,9 @@ MAX_BOUNDED_OPERATORS = 5_000  # operators of a task, all of whose plans are bou
 
 @dataclass(frozen=True)
 class TimedSteps:
-    """The steps of a plan as plain operators, in its order, from the initial state of the task to `goals`."""
+    """The steps of a plan as plain operators, in its order, from the initial state of the task
+    to `goals`.
+    """
 
     problem: Problem
     task: GroundTask
@@ -48,7 +62,9 @@ class TimedSteps:
     def in_best_order(
         self, gate: PlanGate, limits: ScheduleLimits, note: str
     ) -> Timetable | Infeasible | None:
-        """The timetable of the best order that is found; None if the order of the plan is all that there is."""
+        """The timetable of the best order that is found; None if the order of the plan is all
+        that there is.
+        """
         last = plan_makespan(self.plan)
         if not self.wishes.any and last == self.bound:
             return in_its_order(self.problem, self.plan, note, self.bound)
@@ -64,7 +80,9 @@ class TimedSteps:
     def in_best_choice(
         self, gate: PlanGate, more: Sequence[GroundOperator], limits: ScheduleLimits, bound: int
     ) -> Timetable | None:
-        """The timetable of the best choice of these and `more` steps, also by other means; None if there are no such."""
+        """The timetable of the best choice of these and `more` steps, also by other means; None
+        if there are no such.
+        """
         if not any(alternative_operators(self.task, self.operators, self.goals)):
             return None
         steps = (*self.operators, *more)
@@ -77,7 +95,9 @@ class TimedSteps:
             return None
         return pool._arranged(gate, reordered, "", SCOPE_CHOICES)
 
-    def _arranged(self, gate: PlanGate, reordered: "Reordered", note: str, scope: str) -> Timetable | None:
+    def _arranged(
+        self, gate: PlanGate, reordered: "Reordered", note: str, scope: str
+    ) -> Timetable | None:
         """What the solver found as a plan that the checker accepts; None if it does not."""
         order = list(reordered.starts)
         steps, times = [self.operators[n] for n in order], [reordered.starts[n] for n in order]
@@ -119,7 +139,9 @@ class TimedSteps:
 
     @cached_property
     def bound(self) -> int:
-        """No order of the steps ends before this: what each resource must do, and the longest way to each step."""
+        """No order of the steps ends before this: what each resource must do, and the longest
+        way to each step.
+        """
         loads: Counter[Term] = Counter()
         for step in self.operators:
             for resource in step.resources:
@@ -183,7 +205,9 @@ class TimedSteps:
 
 
 def least_makespan(task: GroundTask) -> int:
-    """No plan of a task is shorter; 0 if the task is too large to be asked, leaves something out, or has derived atoms."""
+    """No plan of a task is shorter; 0 if the task is too large to be asked, leaves something
+    out, or has derived atoms.
+    """
     if len(task.operators) > MAX_BOUNDED_OPERATORS or not task.whole or task.axioms:
         return 0
     times, _ = _soonest_times(task.initial, task.operators)
@@ -191,8 +215,12 @@ def least_makespan(task: GroundTask) -> int:
     return min((max(arrival_times, default=0) for arrival_times in ways), default=0)
 
 
-def _soonest_times(initial: Bits, steps: Sequence[GroundOperator]) -> tuple[dict[int, int], list[int]]:
-    """When each condition can hold and each step have ended at the soonest, if nothing that was achieved ended again."""
+def _soonest_times(
+    initial: Bits, steps: Sequence[GroundOperator]
+) -> tuple[dict[int, int], list[int]]:
+    """When each condition can hold and each step have ended at the soonest, if nothing that was
+    achieved ended again.
+    """
     times: dict[int, int] = dict.fromkeys(indices(initial), 0)
     ends: dict[int, int] = {}
     changed = True
@@ -212,7 +240,9 @@ def _soonest_times(initial: Bits, steps: Sequence[GroundOperator]) -> tuple[dict
 
 
 def in_its_order(problem: Problem, plan: Plan, note: str = "", bound: int = 0) -> Timetable:
-    """The plan with every step as early as its own order allows; no order of its steps ends before `bound`."""
+    """The plan with every step as early as its own order allows; no order of its steps ends
+    before `bound`.
+    """
     last = plan_makespan(plan)
     return by_step(
         problem, plan, earliest_starts(plan), Schedule({}, (), last, bound, 0, bound == last), note
@@ -229,7 +259,9 @@ def by_step(
 ) -> Timetable:
     """A timetable with a stage for each step; steps of one object, one after another, are a job."""
     stages = {
-        step.id: ShopStage(f"{step.id} {step.operator}", step.duration, tuple(map(str, step.resources)))
+        step.id: ShopStage(
+            f"{step.id} {step.operator}", step.duration, tuple(map(str, step.resources))
+        )
         for step in plan.steps
     }
     jobs = tuple(
@@ -238,14 +270,20 @@ def by_step(
     )
     resources = dict.fromkeys(str(resource) for step in plan.steps for resource in step.resources)
     bare = Shop(jobs, tuple(map(Resource, resources)))
-    windows = tuple(bare.after(stages[a].name, stages[s.id].name) for s in plan.steps for a in s.after)
+    windows = tuple(
+        bare.after(stages[a].name, stages[s.id].name) for s in plan.steps for a in s.after
+    )
     times = {stages[step].name: start for step, start in starts.items()}
     schedule_by_step = replace(schedule, starts=times)
     return Timetable(plan, starts, replace(bare, windows=windows), schedule_by_step, scope, note)
 
 
-def _jobs_of_plan(problem: Problem, plan: Plan, starts: Mapping[StepId, int]) -> list[tuple[str, list[Step]]]:
-    """The steps by the object of the workflow that they alone serve; other steps are jobs of their own."""
+def _jobs_of_plan(
+    problem: Problem, plan: Plan, starts: Mapping[StepId, int]
+) -> list[tuple[str, list[Step]]]:
+    """The steps by the object of the workflow that they alone serve; other steps are jobs of
+    their own.
+    """
     subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
     jobs: dict[str, list[Step]] = {}
     for step in sorted(plan.steps, key=lambda step_entry: (starts[step_entry.id], step_entry.id)):

@@ -27,7 +27,10 @@ from cellwright.engine.pipelines.simulators import (
     settings_of,
 )
 from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_model import finger_bodies, is_free
-from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_stage import REST_TIME_S, MujocoStage
+from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_stage import (
+    REST_TIME_S,
+    MujocoStage,
+)
 from cellwright.engine.pipelines.simulators.mujoco_replay.replay_contacts import ArmStopped
 from cellwright.engine.pipelines.simulators.mujoco_replay.sensor_readings import sensor_reading
 from cellwright.engine.pipelines.simulators.mujoco_replay.servos import NEAR_M, guide_position
@@ -39,7 +42,10 @@ from cellwright.engine.pipelines.simulators.unmodelled import (
 )
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.ports import DriverSetup
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 from cellwright.kb.model.cell_model import Cell
 from cellwright.kb.model.plan_model import Step, StepId
@@ -55,7 +61,9 @@ def retreat_from_stop(
     before: GeometricWorld,
     after: GeometricWorld,
 ) -> None:
-    """Go back from where a step was stopped, on one of its legs; what was taken at the place is left there, and the other way round."""
+    """Go back from where a step was stopped, on one of its legs; what was taken at the place is
+    left there, and the other way round.
+    """
     guard, stage.guard = stage.guard, frozenset()
     done = next(n for n, leg in enumerate(legs) if leg is stopped.leg)
     stage.follow(reverse_leg(stopped.leg, stopped.at_s))
@@ -85,7 +93,9 @@ Facts = Collection[Atom]
 
 @dataclass(frozen=True, slots=True)
 class CellHindrance:
-    """What makes a physical cell other than its model: a friction of all parts, joints that are blocked, parts that are stuck."""
+    """What makes a physical cell other than its model: a friction of all parts, joints that are
+    blocked, parts that are stuck.
+    """
 
     friction: float | None = None
     blocked: tuple[str, ...] = ()
@@ -105,12 +115,15 @@ class PhysicalCell:
         self.walk, self.cell, self.hindrance = walk, walk.cell, hindrance
         self.unknown = unknown or UnmodelledThings(walk.cell)
         whole = replace(walk.cell, bodies={**walk.cell.bodies, **self.unknown.bodies})
-        self.stage = MujocoStage(world_after_facts(GeometricWorld.of(whole), self.unknown.real(start)))
+        self.stage = MujocoStage(
+            world_after_facts(GeometricWorld.of(whole), self.unknown.real(start))
+        )
         self._encounters = ArmEncounters(walk.backend)
         self._told: Mapping[str, Any] = {}
         self._failed: Facts | None = None
         self._last: list[str] = []  # what the last step was to move
-        self._way_in: StepLeg | None = None  # of a step that was stopped while the arm dragged something
+        # of a step that was stopped while the arm dragged something
+        self._way_in: StepLeg | None = None
         if hindrance.friction is not None:
             self.stage.make_slippery(hindrance.friction)
         for name in hindrance.blocked:
@@ -119,7 +132,10 @@ class PhysicalCell:
             self.stage.stick(name, True)
 
     def carries_out(self, step: Function, before: Facts, after: Facts) -> bool:
-        """Take a step; whether all bodies that it moves are then where the facts put them. A step without a motion is done."""
+        """Take a step; whether all bodies that it moves are then where the facts put them.
+
+        A step without a motion is done.
+        """
         self._open_after_failure()
         operation = operation_of(self.cell, step)
         if operation is None:
@@ -154,8 +170,12 @@ class PhysicalCell:
         room_before, room_after = (self.walk.room(facts).world for facts in (before, after))
         now = {arm: self.walk.hands.now(arm) for arm in self.cell.arms}
         starts = {**now, **{leg.arm: leg.path[0] for leg in reversed(moved.legs)}}
-        own = occupied_tracks([StepMoment(moved.step, room_before, room_after, moved, arms)], starts)
-        passages = [passage for arm in arms for occupied in own[arm] for passage in occupied.passages]
+        own = occupied_tracks(
+            [StepMoment(moved.step, room_before, room_after, moved, arms)], starts
+        )
+        passages = [
+            passage for arm in arms for occupied in own[arm] for passage in occupied.passages
+        ]
         for arm in other_arms:
             rest = ArmPassage(ArmRider(room_before, arm), now[arm][None])
             if any(self._encounters.meet(rest, passage) for passage in passages):
@@ -170,18 +190,23 @@ class PhysicalCell:
         return False
 
     def _meets(self, body: str, where: Where) -> None:
-        """The arm has met a body, and is back where it was; from now on motions are found around it."""
+        """The arm has met a body, and is back where it was; from now on motions are found
+        around it.
+        """
         self._told = self.unknown.meets(body, self.stage.world)
         walk = PlanWalk(self.walk.semantics, self.unknown.known, self.walk.backend, self.walk.seed)
         walk.hands.put(where)
         self.walk = walk
 
     def met(self) -> Mapping[str, Any]:
-        """What has stopped the arm in the last step, as the data of a reply; empty if nothing has."""
+        """What has stopped the arm in the last step, as the data of a reply; empty if nothing
+        has.
+        """
         return self._told
 
     def misfit(self, facts: Facts, before: Facts, after: Facts) -> int:
-        """How many of the bodies that a step was to move are not as some facts say, `before` and `after` being those of the step.
+        """How many of the bodies that a step was to move are not as some facts say, `before` and
+        `after` being those of the step.
 
         A body that no fact puts anywhere should be at neither place.
         """
@@ -194,7 +219,8 @@ class PhysicalCell:
         return wrong
 
     def failed(self, facts: Facts) -> None:
-        """A step has failed. The hand will be as the facts say, and the arm away, when something is done next.
+        """A step has failed. The hand will be as the facts say, and the arm away, when something is
+        done next.
 
         Until then sensors read how it is: a hand that dragged something still holds it."""
         self._failed = facts
@@ -205,7 +231,9 @@ class PhysicalCell:
         return sensor_reading(self.stage, self.stage.world, sensor_model) if sensor_model else ""
 
     def tells(self, sensor: str, shown: str) -> str:
-        """The outcome of a test that a reading means; the reading itself, if the cell says nothing else."""
+        """The outcome of a test that a reading means; the reading itself, if the cell says
+        nothing else.
+        """
         return self.cell.sensors[sensor].tells.get(shown, shown)
 
     def _open_after_failure(self) -> None:
@@ -220,7 +248,9 @@ class PhysicalCell:
         self._failed = self._way_in = None
 
     def repaired(self, before: Facts, after: Facts) -> None:
-        """A repair has helped: nothing is blocked or stuck any more, and what it has brought somewhere is there."""
+        """A repair has helped: nothing is blocked or stuck any more, and what it has brought
+        somewhere is there.
+        """
         for name in self.hindrance.blocked:
             self.stage.block(name, False)
         for name in self.hindrance.stuck:
@@ -236,10 +266,15 @@ class PhysicalCell:
                 self.stage.put(name, world)
 
     def _halfway(self, world: GeometricWorld) -> list[str]:
-        """The joints that the last step was to move, which may have stopped halfway, and the parts that ride on them, crooked perhaps."""
+        """The joints that the last step was to move, which may have stopped halfway, and the
+        parts that ride on them, crooked perhaps.
+        """
         joints = [name for name in self._last if self.cell.bodies[name].guide is not None]
         parts = (name for name in self.cell.bodies if is_free(self.cell, name))
-        return [*joints, *(name for name in parts if not set(joints).isdisjoint(world.supports(name)[1:]))]
+        return [
+            *joints,
+            *(name for name in parts if not set(joints).isdisjoint(world.supports(name)[1:])),
+        ]
 
     def _world(self, facts: Facts) -> GeometricWorld:
         return world_after_facts(GeometricWorld.of(self.cell), facts)
@@ -277,7 +312,10 @@ class PhysicalCell:
         return mine.parent != theirs.parent or not same
 
     def _is_where(self, name: str, facts: Facts) -> bool:
-        """Whether a body is where some facts put it. What is in a hand is measured from the hand."""
+        """Whether a body is where some facts put it.
+
+        What is in a hand is measured from the hand.
+        """
         world, body = self._world(facts), self.cell.bodies[name]
         if body.guide is not None:
             return self.stage.is_near(name, guide_position(world, name))
@@ -289,7 +327,10 @@ HINDRANCE_OPTIONS = ("friction", "block", "stick")
 
 
 def mujoco_simulator(setup: DriverSetup) -> Simulator:
-    """The physical cell for a run. Options beside those of the simulator: friction, block and stick. Raises `InvalidInput`."""
+    """The physical cell for a run.
+
+    Options beside those of the simulator: friction, block and stick. Raises `InvalidInput`.
+    """
     settings, unknown = (
         settings_of(setup, (*HINDRANCE_OPTIONS, *UNKNOWN_OPTIONS)),
         unknown_of(setup.options, setup.problem),
@@ -300,7 +341,9 @@ def mujoco_simulator(setup: DriverSetup) -> Simulator:
     walk = PlanWalk(semantics, cell, geometry_backend(), setup.seed)
     body = PhysicalCell(walk, semantics.initial(), hindrance, unknown)
     base = fault_base(setup.problem)
-    hidden = HiddenCell(setup.problem, base, settings.injections, setup.seed, body=body, unknown=unknown)
+    hidden = HiddenCell(
+        setup.problem, base, settings.injections, setup.seed, body=body, unknown=unknown
+    )
     return Simulator(hidden, settings)
 
 
@@ -318,7 +361,9 @@ def _read_hindrance(options: Mapping[str, str], cell: Cell) -> CellHindrance:
     )
 
 
-def _known_bodies(option: str, options: Mapping[str, str], names: list[str], kind: str) -> list[str]:
+def _known_bodies(
+    option: str, options: Mapping[str, str], names: list[str], kind: str
+) -> list[str]:
     """The bodies that an option names, with commas between them."""
     asked = [name.strip() for name in options.get(option, "").split(",") if name.strip()]
     for body in asked:

@@ -33,7 +33,9 @@ def bearer_of(world: GeometricWorld, frame: str) -> str:
 
 
 def holder_of(world: GeometricWorld, tool: str) -> str:
-    """The body of the model that holds a tool: what it hangs on, or the flange of the arm that has it."""
+    """The body of the model that holds a tool: what it hangs on, or the flange of the arm that
+    has it.
+    """
     on = bearer_of(world, tool)
     arm = on.partition(".")[0]
     return f"{arm}.flange" if arm in world.cell.arms else on
@@ -51,7 +53,8 @@ def held_by(world: GeometricWorld, arm: str) -> list[str]:
     return [
         name
         for name in world.cell.bodies
-        if is_free(world.cell, name) and world.placed[name].parent in (f"{arm}.tool", f"{arm}.flange")
+        if is_free(world.cell, name)
+        and world.placed[name].parent in (f"{arm}.tool", f"{arm}.flange")
     ]
 
 
@@ -88,22 +91,29 @@ def in_hands(world: GeometricWorld) -> frozenset[str]:
 MODEL_STEP_S = 0.002
 STIFF, DAMPED = 40_000.0, 2_000.0  # N m/rad and N m s/rad of the servos of an arm
 JOINT_ARMATURE = 2.0  # kg m^2 of the drive of a joint
-RIGID_CONTACT = 'solref="0.008 1" solimp="0.99 0.999 0.0001"'  # how a body follows another: two fingers stay in the middle
+# how a body follows another: two fingers stay in the middle
+RIGID_CONTACT = 'solref="0.008 1" solimp="0.99 0.999 0.0001"'
 GRIP_N = 80.0  # greatest force of a body's own drive
 DEFAULT_DENSITY = 700.0  # kg/m^3 where no mass is given: housings are hollow
 DEFAULT_FRICTION = 0.8
-# How much stiffer friction is than what presses: with soft friction, what is gripped creeps, at a speed that falls as this grows.
+# How much stiffer friction is than what presses: with soft friction, what is gripped creeps, at a
+# speed that falls as this grows.
 IMPEDANCE_RATIO = 30
 TWIST_FRICTION = (
-    "0.02 0.0001"  # m: friction against turning on a spot as wide as a finger's pad, and against rolling
+    # m: friction against turning on a spot as wide as a finger's pad, and against rolling
+    "0.02 0.0001"
 )
 FIRM_CONTACT = (
-    'solref="0.004 1" solimp="0.95 0.99 0.0005"'  # how contacts give way: as little as the time step allows
+    # how contacts give way: as little as the time step allows
+    'solref="0.004 1" solimp="0.95 0.99 0.0005"'
 )
 
 
 def mujoco_xml(world: GeometricWorld) -> str:
-    """The model of a world. Its joints are called ARM/JOINT and BODY, its servos like their joints."""
+    """The model of a world.
+
+    Its joints are called ARM/JOINT and BODY, its servos like their joints.
+    """
     writer = _ModelWriter(world)
     tree = "\n".join(writer.standing("world"))
     return f"""<mujoco model={quoteattr(world.cell.name)}>
@@ -133,14 +143,21 @@ class _ModelWriter:
     """Writes bodies one inside the other, and collects meshes and servos."""
 
     def __init__(self, world: GeometricWorld) -> None:
-        self.world, self.meshes, self.servos, self.followers = world, list[str](), list[str](), list[str]()
+        self.world, self.meshes, self.servos, self.followers = (
+            world,
+            list[str](),
+            list[str](),
+            list[str](),
+        )
         self.by_hand, self.carriers = dragged_by_hand(world.cell), carriers_of(world)
         self.children: dict[str, list[str]] = {}
         for name in world.cell.bodies:
             self.children.setdefault(bearer_of(world, name), []).append(name)
 
     def standing(self, on: str) -> Iterator[str]:
-        """The bodies and arms that stand on a frame, with all that stands on them; parts and tools are free in the world."""
+        """The bodies and arms that stand on a frame, with all that stands on them; parts and
+        tools are free in the world.
+        """
         cell = self.world.cell
         for name in self.children.get(on, ()):
             if not is_free(cell, name):
@@ -160,10 +177,13 @@ class _ModelWriter:
             weld = f'name={quoteattr(f"stuck/{name}")} body1={quoted} active="false"'
         else:
             holder = quoteattr(holder_of(self.world, name))
-            weld = f"name={quoteattr(f'latch/{name}')} body1={quoted} body2={holder} {RIGID_CONTACT}"
+            weld = (
+                f"name={quoteattr(f'latch/{name}')} body1={quoted} body2={holder} {RIGID_CONTACT}"
+            )
         self.followers.append(f"<weld {weld}/>")
         return (
-            f"<body name={quoted} {_pose_text(T)}><freejoint name={quoted}/>{self._geoms(name, body)}</body>"
+            f"<body name={quoted} {_pose_text(T)}><freejoint "
+            f"name={quoted}/>{self._geoms(name, body)}</body>"
         )
 
     def _body(self, name: str, body: Body, on: str) -> str:
@@ -174,7 +194,10 @@ class _ModelWriter:
             joint = self._guide(name, body.guide)
         inner = "".join(self.standing(name))
         compensated = 'gravcomp="1" ' if on != "world" or body.guide is not None else ""
-        return f"<body name={quoteattr(name)} {compensated}{_pose_text(home)}>{joint}{self._geoms(name, body)}{inner}</body>"
+        return (
+            f"<body name={quoteattr(name)} "
+            f"{compensated}{_pose_text(home)}>{joint}{self._geoms(name, body)}{inner}</body>"
+        )
 
     def _guide(self, name: str, guide: Guide) -> str:
         slides = guide.kind is JointKind.PRISMATIC
@@ -183,15 +206,23 @@ class _ModelWriter:
         limits = f"{guide.lower - 1e-4} {guide.upper + 1e-4}"
         stiff, drive = (6_000.0, 2.0) if slides else (60.0, 0.02)
         if guide.follows:
-            same = f'joint1={quoteattr(name)} joint2={quoteattr(guide.follows)} polycoef="0 1 0 0 0" {RIGID_CONTACT}'
+            same = (
+                f'joint1={quoteattr(name)} joint2={quoteattr(guide.follows)} polycoef="0 1 0 0 '
+                f'0" {RIGID_CONTACT}'
+            )
             self.followers.append(f"<joint {same}/>")
         if name not in self.by_hand:
             most = "" if name in self.carriers else f' forcerange="{-GRIP_N} {GRIP_N}"'
             self.servos.append(
-                f'<position name={quoteattr(name)} joint={quoteattr(name)} kp="{stiff}" kv="{stiff / 20}"{most}/>'
+                f'<position name={quoteattr(name)} joint={quoteattr(name)} kp="{stiff}" '
+                f'kv="{stiff / 20}"{most}/>'
             )
         axis = " ".join(map(str, guide.axis))
-        return f'<joint name={quoteattr(name)} type="{kind}" axis="{axis}" range="{limits}" damping="{damping}" frictionloss="{rubs}" armature="{0.0 if name in self.by_hand else drive}"/>'
+        return (
+            f'<joint name={quoteattr(name)} type="{kind}" axis="{axis}" range="{limits}" '
+            f'damping="{damping}" frictionloss="{rubs}" '
+            f'armature="{0.0 if name in self.by_hand else drive}"/>'
+        )
 
     def _links(self, arm: str, carrier: int, T: Floats) -> str:
         """The links on a carrier of an arm, and the next joint inside of it."""
@@ -205,8 +236,14 @@ class _ModelWriter:
         if carrier < model.joints.count:
             inner = self._links(arm, carrier + 1, model.joints.T_parent_origin[carrier])
         else:
-            inner = f'<body name={quoteattr(f"{arm}.flange")} gravcomp="1" {_pose_text(model.T_last_flange)}>{_SPECK_INERTIA}{"".join(self.standing(f"{arm}.flange"))}</body>'
-        return f'<body name={quoteattr(name)} gravcomp="1" {_pose_text(T)}>{joint}{geoms or _SPECK_INERTIA}{inner}</body>'
+            inner = (
+                f'<body name={quoteattr(f"{arm}.flange")} gravcomp="1" '
+                f"{_pose_text(model.T_last_flange)}>{_SPECK_INERTIA}{''.join(self.standing(f'{arm}.flange'))}</body>"
+            )
+        return (
+            f'<body name={quoteattr(name)} gravcomp="1" '
+            f"{_pose_text(T)}>{joint}{geoms or _SPECK_INERTIA}{inner}</body>"
+        )
 
     def _joint(self, arm: str, index: int) -> str:
         model = self.world.models[arm]
@@ -214,13 +251,15 @@ class _ModelWriter:
         kind = "slide" if joint.kind is JointKind.PRISMATIC else "hinge"
         force = f' forcerange="{-joint.effort} {joint.effort}"' if joint.effort else ""
         self.servos.append(
-            f'<position name={quoteattr(name)} joint={quoteattr(name)} kp="{STIFF}" kv="{DAMPED}"{force}/>'
+            f'<position name={quoteattr(name)} joint={quoteattr(name)} kp="{STIFF}" '
+            f'kv="{DAMPED}"{force}/>'
         )
         axis = " ".join(str(float(value)) for value in model.joints.axis[index])
         low, high = model.joints.lower[index], model.joints.upper[index]
         limits = f' range="{low - 0.01} {high + 0.01}"' if np.isfinite([low, high]).all() else ""
         return (
-            f'<joint name={quoteattr(name)} type="{kind}" axis="{axis}"{limits} armature="{JOINT_ARMATURE}"/>'
+            f'<joint name={quoteattr(name)} type="{kind}" axis="{axis}"{limits} '
+            f'armature="{JOINT_ARMATURE}"/>'
         )
 
     def _link(self, arm: str, link: Link) -> str:
@@ -238,13 +277,17 @@ class _ModelWriter:
         extra = "" if body.friction is None else f' friction="{body.friction} {TWIST_FRICTION}"'
         return self._shapes(name, body.shapes, np.eye(4), extra) or _SPECK_INERTIA
 
-    def _shapes(self, name: str, shapes: tuple[PlacedShape, ...], offset: Floats, extra: str) -> str:
+    def _shapes(
+        self, name: str, shapes: tuple[PlacedShape, ...], offset: Floats, extra: str
+    ) -> str:
         elements = []
         for number, placed in enumerate(shapes):
             at = _pose_text(offset @ transforms.of_pose(placed.pose))
             simple = _simple_shape(placed)
             if simple:
-                elements.append(f"<geom name={quoteattr(f'{name}:{number}')} {simple} {at}{extra}/>")
+                elements.append(
+                    f"<geom name={quoteattr(f'{name}:{number}')} {simple} {at}{extra}/>"
+                )
                 continue
             for part, core in enumerate(shape_cores(placed.shape)):
                 mesh = f"{name}:{number}:{part}"
@@ -272,7 +315,9 @@ class _ModelWriter:
         arm, _, link = name.partition(".")
         if arm in self.world.cell.arms:
             carrier = next(
-                arm_link.carrier for arm_link in self.world.models[arm].arm.links if arm_link.name == link
+                arm_link.carrier
+                for arm_link in self.world.models[arm].arm.links
+                if arm_link.name == link
             )
             return f"{arm}/{carrier}"
         return name

@@ -57,7 +57,9 @@ class ToolLatches:
         self._close(tool, world)
 
     def exchange(self, tool: str, before: GeometricWorld, after: GeometricWorld) -> None:
-        """The latch that holds a tool before a step opens; that of the world after it closes, if the tool is in it."""
+        """The latch that holds a tool before a step opens; that of the world after it closes,
+        if the tool is in it.
+        """
         if tool in self._stuck or holder_of(before, tool) == holder_of(after, tool):
             return
         if self._is_seated(tool, after):
@@ -77,7 +79,10 @@ class ToolLatches:
         holder, number = holder_of(world, tool), self._number(tool)
         T = world.pose(tool, holder)
         self.model.eq_obj2id[number] = self.model.body(holder).id
-        self.model.eq_data[number, 3:6], self.model.eq_data[number, 6:10] = T[:3, 3], quaternion_of(T[:3, :3])
+        self.model.eq_data[number, 3:6], self.model.eq_data[number, 6:10] = (
+            T[:3, 3],
+            quaternion_of(T[:3, :3]),
+        )
         self.data.eq_active[number] = 1
         # The controller is told the load of the tool in the hand.
         self.model.body_gravcomp[self.model.body(tool).id] = float(holder.endswith(".flange"))
@@ -111,7 +116,10 @@ class MujocoStage:
         weigh_bodies(self.model, world)
         tune_servos(self.model, world)
         self.by_hand = dragged_by_hand(world.cell)
-        self.tools, self.latches = sorted(exchanged_tools(world.cell)), ToolLatches(self.model, self.data)
+        self.tools, self.latches = (
+            sorted(exchanged_tools(world.cell)),
+            ToolLatches(self.model, self.data),
+        )
         self.targets: dict[str, float] = {}
         self.touches = ContactRecord(self.model, self.data, world)
         self.off_place, self.off_tip_m, self.step, self.allowed = 0.0, 0.0, 0, frozenset[str]()
@@ -136,7 +144,9 @@ class MujocoStage:
         """Aim the servo of a joint, and those of all that follow it."""
         bodies = self.world.cell.bodies
         same = (
-            name for name, body in bodies.items() if body.guide is not None and body.guide.follows == joint
+            name
+            for name, body in bodies.items()
+            if body.guide is not None and body.guide.follows == joint
         )
         for name in (joint, *same):
             number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
@@ -148,8 +158,9 @@ class MujocoStage:
     ) -> StepLeg | None:
         """One step: its legs, and at the place what fingers and furniture do.
 
-        If it `stops`, it ends where something that the arm drags does not come along, as at the limit of a force. The hand holds it
-        still, and the way that the arm came in by is left to go back. Raises `Stopped`.
+        If it `stops`, it ends where something that the arm drags does not come along, as at the
+        limit of a force. The hand holds it still, and the way that the arm came in by is left to go
+        back. Raises `Stopped`.
         """
         operation = operation_of(before.cell, step.operator)
         assert operation is not None
@@ -195,7 +206,9 @@ class MujocoStage:
             self.wait(REST_TIME_S)
 
     def _note_tip(self, leg: StepLeg, world: GeometricWorld) -> None:
-        """Note how far the tip of what the arm holds, else its tool point, is from where the leg leads."""
+        """Note how far the tip of what the arm holds, else its tool point, is from where the
+        leg leads.
+        """
         tips = [f"{body}.tip" for body in held_by(world, leg.arm) if f"{body}.tip" in world.placed]
         frame = tips[0] if tips else f"{leg.arm}.tool"
         aimed = world.moved(leg.arm, leg.path[-1]).pose("world", frame)[:3, 3]
@@ -206,9 +219,15 @@ class MujocoStage:
             reached = self.actual(world).pose("world", frame)[:3, 3]
         self.off_tip_m = max(self.off_tip_m, float(np.linalg.norm(reached - aimed)))
 
-    def _ride(self, body: str, seconds: float, before: GeometricWorld, after: GeometricWorld) -> None:
+    def _ride(
+        self, body: str, seconds: float, before: GeometricWorld, after: GeometricWorld
+    ) -> None:
         """A body takes its arm along: smoothly, from rest to rest."""
-        began, first, last = self.data.time, guide_position(before, body), guide_position(after, body)
+        began, first, last = (
+            self.data.time,
+            guide_position(before, body),
+            guide_position(after, body),
+        )
         while (s := (self.data.time - began) / max(seconds, MODEL_STEP_S)) < 1.0:
             self.aim(body, first + s**3 * (10 - 15 * s + 6 * s * s) * (last - first))
             self.tick()
@@ -232,9 +251,16 @@ class MujocoStage:
         self.wait(max(takes_s, REST_TIME_S))
 
     def _with_another(
-        self, arm: str, takes_s: float, operation: Operation, before: GeometricWorld, after: GeometricWorld
+        self,
+        arm: str,
+        takes_s: float,
+        operation: Operation,
+        before: GeometricWorld,
+        after: GeometricWorld,
     ) -> None:
-        """Two arms are at their places, or the first of them is: a body is gripped from both sides before one hand lets go."""
+        """Two arms are at their places, or the first of them is: a body is gripped from both
+        sides before one hand lets go.
+        """
         other_arm = before.cell.places[str(operation.with_place)].arm
         if operation.carries is not None:
             self.fingers(arm, before, closed=True)
@@ -245,7 +271,9 @@ class MujocoStage:
         self.wait(max(takes_s, REST_TIME_S))
 
     def fingers(self, arm: str, world: GeometricWorld, closed: bool) -> None:
-        """The fingers go where the facts put them; they close until they meet what they hold, or all the way."""
+        """The fingers go where the facts put them; they close until they meet what they hold,
+        or all the way.
+        """
         for name in finger_bodies(world, arm):
             guide = world.cell.bodies[name].guide
             assert guide is not None
@@ -276,11 +304,21 @@ class MujocoStage:
                 self.model.actuator_forcerange[self.model.actuator(name).id] = -most, most
 
     def _follow(
-        self, leg: StepLeg, drags: str, before: GeometricWorld, after: GeometricWorld, stops: bool = False
+        self,
+        leg: StepLeg,
+        drags: str,
+        before: GeometricWorld,
+        after: GeometricWorld,
+        stops: bool = False,
     ) -> bool:
-        """The arm goes along a leg. Whether it gets to the end: if it `stops`, it does not go on without what it drags."""
+        """The arm goes along a leg.
+
+        Whether it gets to the end: if it `stops`, it does not go on without what it drags.
+        """
         began = self.data.time
-        first, last = (guide_position(before, drags), guide_position(after, drags)) if drags else (0.0, 0.0)
+        first, last = (
+            (guide_position(before, drags), guide_position(after, drags)) if drags else (0.0, 0.0)
+        )
         legs = (leg, *leg.beside)
         stops = stops and leg.kind is LegKind.DRAG
         grip = self._seen_from(drags, leg.arm) if stops else np.eye(4)
@@ -367,7 +405,9 @@ class MujocoStage:
                 own = np.nonzero(self.model.geom_bodyid == self.model.body(name).id)[0]
                 self.model.geom_priority[own] = 1
                 self.model.geom_friction[own, 0] = friction
-                self.model.geom_friction[own, 1] = min(friction, 1.0) * self.model.geom_friction[own, 1]
+                self.model.geom_friction[own, 1] = (
+                    min(friction, 1.0) * self.model.geom_friction[own, 1]
+                )
 
     def block(self, body: str, on: bool) -> None:
         """Whether the joint of a body is as hard to move as if it had the mass of a house."""
@@ -383,7 +423,13 @@ class MujocoStage:
         self.data.eq_active[self.model.equality(f"stuck/{part}").id] = int(on)
 
     def off(self, world: GeometricWorld) -> dict[str, float]:
-        """How far each part and each tool that is in no hand is from where the facts put it, in m."""
-        free = [body for body in world.cell.bodies if is_free(world.cell, body) and not in_hand(world, body)]
+        """How far each part and each tool that is in no hand is from where the facts put it, in
+        m.
+        """
+        free = [
+            body
+            for body in world.cell.bodies
+            if is_free(world.cell, body) and not in_hand(world, body)
+        ]
         away = {name: self.data.body(name).xpos - world.pose("world", name)[:3, 3] for name in free}
         return {name: float(np.linalg.norm(offset)) for name, offset in away.items()}

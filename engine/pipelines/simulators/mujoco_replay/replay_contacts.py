@@ -36,7 +36,9 @@ class ArmStopped(Exception):
 class ContactRecord:
     """The contacts of one play that no step allows: of each pair in each step the strongest."""
 
-    def __init__(self, model: "mujoco.MjModel", data: "mujoco.MjData", world: GeometricWorld) -> None:
+    def __init__(
+        self, model: "mujoco.MjModel", data: "mujoco.MjData", world: GeometricWorld
+    ) -> None:
         self._model, self._data, self._world = model, data, world
         self._strongest: dict[tuple[int, str, str], ForbiddenContact] = {}
 
@@ -46,7 +48,9 @@ class ContactRecord:
         return tuple(self._strongest.values())
 
     def look(self, step: int, held: Collection[str], allowed: Collection[str]) -> None:
-        """Note every contact of the arm, its hand, and what is `held`, that the step does not allow."""
+        """Note every contact of the arm, its hand, and what is `held`, that the step does not
+        allow.
+        """
         force = np.zeros(6)
         for number in range(self._data.ncon):
             contact = self._data.contact[number]
@@ -62,17 +66,27 @@ class ContactRecord:
                 )
 
     def met(self, guard: Collection[str], along: Collection[str]) -> str:
-        """The first of some bodies that an arm, its hand, or what goes along with it touches now; empty if none."""
+        """The first of some bodies that an arm, its hand, or what goes along with it touches
+        now; empty if none.
+        """
         for number in range(self._data.ncon):
             contact = self._data.contact[number]
             names = [body_of(self._model, geom) for geom in contact.geom]
             for first, second in (names, names[::-1]):
-                if first in guard and (second in along or self._arm_of(second)) and contact.dist < 0:
+                if (
+                    first in guard
+                    and (second in along or self._arm_of(second))
+                    and contact.dist < 0
+                ):
                     return first
         return ""
 
-    def _is_strange(self, names: tuple[str, ...], held: Collection[str], allowed: Collection[str]) -> bool:
-        """Whether one of two bodies is an arm's, and the other neither its own nor one that the step allows."""
+    def _is_strange(
+        self, names: tuple[str, ...], held: Collection[str], allowed: Collection[str]
+    ) -> bool:
+        """Whether one of two bodies is an arm's, and the other neither its own nor one that the
+        step allows.
+        """
         arms = {self._arm_of(name) for name in names} - {""}
         if len(arms) > 1:
             return True
@@ -96,9 +110,13 @@ def body_of(model: "mujoco.MjModel", geom: int) -> str:
 
 
 def allowed_in(place: str, operation: Operation, before: GeometricWorld) -> frozenset[str]:
-    """What may be touched at the places of a step: what they name, what they stand on, and what is dragged."""
+    """What may be touched at the places of a step: what they name, what they stand on, and what
+    is dragged.
+    """
     allowed = {operation.drags}
     places = before.cell.places
-    for cell_place in (places[name] for name in (place, str(operation.with_place)) if name in places):
+    for cell_place in (
+        places[name] for name in (place, str(operation.with_place)) if name in places
+    ):
         allowed |= {*cell_place.touches, *before.supports(cell_place.placement.parent)}
     return frozenset(allowed)

@@ -6,7 +6,11 @@ import mujoco
 import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_model import bearer_of, held_by, worn_by
+from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_model import (
+    bearer_of,
+    held_by,
+    worn_by,
+)
 from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_stage import MujocoStage
 from cellwright.engine.pipelines.simulators.mujoco_replay.replay_contacts import body_of
 from cellwright.engine.stages.geometry import transforms
@@ -41,22 +45,34 @@ def _joint_value(stage: MujocoStage, _world: GeometricWorld, body: str) -> float
 
 def _pressing_force(stage: MujocoStage, world: GeometricWorld, body: str) -> float:
     """How hard everything else but the arm's own hand presses against a body."""
-    own = {name for arm in world.cell.arms if body in (worn := set(worn_by(world, arm))) for name in worn}
+    own = {
+        name
+        for arm in world.cell.arms
+        if body in (worn := set(worn_by(world, arm)))
+        for name in worn
+    }
     forces = [force for presser, force in _pressing_bodies(stage, {body}) if presser not in own]
     return float(sum(np.linalg.norm(force) for force in forces))
 
 
 def _hand_load(stage: MujocoStage, world: GeometricWorld, arm: str) -> float:
-    """How heavy everything that touches a hand is on it, beside the hand itself; a tool at its latch weighs, too."""
+    """How heavy everything that touches a hand is on it, beside the hand itself; a tool at its
+    latch weighs, too.
+    """
     own = set(worn_by(world, arm)) | {f"{arm}.flange"}
-    total = sum((force for presser, force in _pressing_bodies(stage, own) if presser not in own), np.zeros(3))
+    total = sum(
+        (force for presser, force in _pressing_bodies(stage, own) if presser not in own),
+        np.zeros(3),
+    )
     hung = [name for name in held_by(world, arm) if name in stage.tools]
     masses = sum(float(stage.model.body(name).mass[0]) for name in hung)
     return float(np.linalg.norm(total)) + masses * float(np.linalg.norm(stage.model.opt.gravity))
 
 
 def _distance_ahead(stage: MujocoStage, world: GeometricWorld, frame: str) -> float:
-    """How far it is along z of a frame to the nearest thing that is not of the hand on which the frame is."""
+    """How far it is along z of a frame to the nearest thing that is not of the hand on which
+    the frame is.
+    """
     body = bearer_of(world, frame) if frame in world.placed else frame
     T = stage.actual(world).pose("world", frame)
     own = {body, *(name for arm in world.cell.arms for name in worn_by(world, arm))}

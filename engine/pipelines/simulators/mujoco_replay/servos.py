@@ -20,10 +20,12 @@ SLIPPED_M, SLIPPED_RAD = 0.008, 0.35  # a hand turns by 0.12 on a lid that comes
 
 
 def tune_servos(model: mujoco.MjModel, world: GeometricWorld) -> None:
-    """Give the servos of all arms, and of what carries them, the gains of one pace, critically damped for the inertia at rest.
+    """Give the servos of all arms, and of what carries them, the gains of one pace, critically
+    damped for the inertia at rest.
 
-    The engine balances contacts before it adds the damping of the servos. If damping by far outweighs inertia in a time step, it
-    takes the arm for faster than it is, and what is gripped creeps between the fingers.
+    The engine balances contacts before it adds the damping of the servos. If damping by far
+    outweighs inertia in a time step, it takes the arm for faster than it is, and what is gripped
+    creeps between the fingers.
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -40,9 +42,11 @@ def tune_servos(model: mujoco.MjModel, world: GeometricWorld) -> None:
 
 
 def aim_lead(leg: StepLeg, t: float) -> Floats:
-    """How far ahead (k,) of where an arm is to be at a time on a leg its servos must be aimed, as it would lag by so much.
+    """How far ahead (k,) of where an arm is to be at a time on a leg its servos must be aimed, as
+    it would lag by so much.
 
-    With the gains of `tuned` a joint x follows its aim u as x'' + 2 w x' + w^2 x = w^2 u, where w is the pace.
+    With the gains of `tuned` a joint x follows its aim u as x'' + 2 w x' + w^2 x = w^2 u, where w
+    is the pace.
     """
     before, now, after = (leg.at(max(t + offset_s, 0.0)) for offset_s in (-SOON_S, 0.0, SOON_S))
     speed, acceleration = (after - before) / (2 * SOON_S), (after - 2 * now + before) / SOON_S**2
@@ -51,7 +55,10 @@ def aim_lead(leg: StepLeg, t: float) -> Floats:
 
 
 def weigh_bodies(model: mujoco.MjModel, world: GeometricWorld) -> None:
-    """Give bodies the masses that are known. Each is spread over the volume of its shapes, so that it lies where it belongs."""
+    """Give bodies the masses that are known.
+
+    Each is spread over the volume of its shapes, so that it lies where it belongs.
+    """
     for name, body in world.cell.bodies.items():
         if body.mass_kg is not None and body.shapes:
             number = model.body(name).id
@@ -65,7 +72,8 @@ def guide_position(world: GeometricWorld, body: str) -> float:
     """How far a body is along its guide."""
     body_model: Any = world.cell.bodies[body]
     moved = (
-        transforms.inverse(transforms.of_pose(body_model.placement.pose)) @ world.placed[body].T_parent_frame
+        transforms.inverse(transforms.of_pose(body_model.placement.pose))
+        @ world.placed[body].T_parent_frame
     )
     slides = body_model.guide.kind is JointKind.PRISMATIC
     along = moved[:3, 3] if slides else transforms.rotation_vector(moved[:3, :3])
@@ -81,7 +89,9 @@ def guide_tolerance(world: GeometricWorld, body: str) -> float:
 
 
 def has_slipped(T_before: Floats, T_now: Floats) -> bool:
-    """Whether a hand has moved along what it drags, or has turned on it: more than a grip gives way."""
+    """Whether a hand has moved along what it drags, or has turned on it: more than a grip gives
+    way.
+    """
     turn = transforms.rotation_vector(T_before[:3, :3].T @ T_now[:3, :3])
     along = np.linalg.norm(T_now[:3, 3] - T_before[:3, 3])
     return bool(along > SLIPPED_M or np.linalg.norm(turn) > SLIPPED_RAD)

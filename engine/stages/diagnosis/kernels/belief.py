@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
-"""Exact search if outcomes are uncertain: a state is the causes still possible and the outcomes seen.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
+"""Exact search if outcomes are uncertain: a state is the causes still possible and the outcomes
+seen.
 
-The branch and bound is the same as over partitions. Beliefs are kept as weights: the prior times the
-likelihoods of what was seen. The bound is the cost of the case if the cause were known.
+The branch and bound is the same as over partitions. Beliefs are kept as weights: the prior times
+the likelihoods of what was seen. The bound is the cost of the case if the cause were known.
 """
 
 from math import inf
@@ -19,8 +20,8 @@ from cellwright.engine.stages.diagnosis.kernels.ranking import Ranking
 class Beliefs:
     """A problem in arrays: C causes, A actions, O outcomes, K situations, G conclusions.
 
-    Each array has two names here: one for NumPy, and one with an underscore for the kernels. A key has `words`
-    words: `sets` words for the causes, then those of the rest.
+    Each array has two names here: one for NumPy, and one with an underscore for the kernels. A key
+    has `words` words: `sets` words for the causes, then those of the rest.
     """
 
     def __init__(
@@ -39,11 +40,12 @@ class Beliefs:
     ) -> None:
         """Takes the arrays of a problem. Raises `ValueError` if their shapes do not agree.
 
-        `likelihoods` (A, O, C). `ends` (A, O): the outcomes that end the case; `repairs` (A,): the actions
-        that have such an outcome. `shown` (A, C): the outcome of a certain action; -1 everywhere if it is
-        uncertain. `costs` and `following` (K, A). `losses` (G, C) of the conclusions. `known` (C,): a lower
-        bound of the cost if c were known. The rest of a key has the situation in its lowest `situations`
-        bits; at `shifts` (A,) the outcome of action a plus one, in `widths` (A,) bits (0 if it is certain).
+        `likelihoods` (A, O, C). `ends` (A, O): the outcomes that end the case; `repairs` (A,): the
+        actions that have such an outcome. `shown` (A, C): the outcome of a certain action; -1
+        everywhere if it is uncertain. `costs` and `following` (K, A). `losses` (G, C) of the
+        conclusions. `known` (C,): a lower bound of the cost if c were known. The rest of a key has
+        the situation in its lowest `situations` bits; at `shifts` (A,) the outcome of action a plus
+        one, in `widths` (A,) bits (0 if it is certain).
         """
         self.actions, self.outcomes, self.causes = likelihoods.shape
         self.conclusions, self.changes = len(losses), len(costs)
@@ -68,12 +70,14 @@ class Beliefs:
 class Trail:
     """States on the way from one state to others: one level for each.
 
-    A level has the causes still possible (`members`, `counts` of them), their `weights` (C,), the key of the
-    state and the `ranking` of the actions. No way is longer than the number of actions, because an action
-    that was done brings no new information.
+    A level has the causes still possible (`members`, `counts` of them), their `weights` (C,), the
+    key of the state and the `ranking` of the actions. No way is longer than the number of actions,
+    because an action that was done brings no new information.
     """
 
-    def __init__(self, problem: Beliefs, weights: Floats, rest: int = 0, poll: Poll | None = None) -> None:
+    def __init__(
+        self, problem: Beliefs, weights: Floats, rest: int = 0, poll: Poll | None = None
+    ) -> None:
         """Begins at level 0 with weights (C,) and the rest of the key.
 
         Raises `ValueError` unless there is one weight for each cause.
@@ -143,10 +147,14 @@ class Trail:
         for word in range(problem.sets, problem.words):
             self.keys.words[level + 1, word] = self.keys.words[level, word]
         situation = situation_of(problem, self, level)
-        self.keys.words[level + 1, problem.sets] ^= situation ^ problem._following[situation, action]
+        self.keys.words[level + 1, problem.sets] ^= (
+            situation ^ problem._following[situation, action]
+        )
         if problem._widths[action]:
             shift = problem._shifts[action]
-            self.keys.words[level + 1, problem.sets + (shift >> 6)] |= self._bit(shift) * (outcome + 1)
+            self.keys.words[level + 1, problem.sets + (shift >> 6)] |= self._bit(shift) * (
+                outcome + 1
+            )
 
 
 def stop(problem: Beliefs, trail: Trail, level: int) -> float:
@@ -173,7 +181,10 @@ def floor_of(problem: Beliefs, trail: Trail, level: int) -> float:
 
 
 def is_done(problem: Beliefs, trail: Trail, level: int, action: int) -> bool:
-    """Whether the key has an outcome of an action. It has none for actions whose outcomes are certain."""
+    """Whether the key has an outcome of an action.
+
+    It has none for actions whose outcomes are certain.
+    """
     width, shift = problem._widths[action], problem._shifts[action]
     if width == 0:
         return False
@@ -213,7 +224,9 @@ def situation_of(problem: Beliefs, trail: Trail, level: int) -> int:
 
 
 def lower(problem: Beliefs, table: Memo, trail: Trail, level: int) -> float:
-    """The lower bound known so far: stop now, or pay for a step and then the bounds of what follows."""
+    """The lower bound known so far: stop now, or pay for a step and then the bounds of what
+    follows.
+    """
     at = table.slot(trail.keys, level)
     if table.used[at]:
         return table.value[at]
@@ -254,9 +267,15 @@ def ranked(problem: Beliefs, table: Memo, trail: Trail, level: int) -> int:
     return count
 
 
-def begun(problem: Beliefs, table: Memo, trail: Trail, level: int, action: int, best: float) -> float:
-    """The cost of beginning with an action. If it is not below `best`, or the search ends, a lower bound."""
-    value = estimate(problem, table, trail, level, action)  # the table may have a better bound by now
+def begun(
+    problem: Beliefs, table: Memo, trail: Trail, level: int, action: int, best: float
+) -> float:
+    """The cost of beginning with an action.
+
+    If it is not below `best`, or the search ends, a lower bound.
+    """
+    # the table may have a better bound by now
+    value = estimate(problem, table, trail, level, action)
     for outcome in range(problem.outcomes):
         going = value < best and not table.full and not problem._ends[action, outcome]
         if going and trail.follow(problem, level, action, outcome):
@@ -266,7 +285,10 @@ def begun(problem: Beliefs, table: Memo, trail: Trail, level: int, action: int, 
 
 
 def solve(problem: Beliefs, table: Memo, trail: Trail, level: int, limit: float) -> float:
-    """The value of a state if it is below `limit`. Otherwise, or if the budget is spent, a lower bound."""
+    """The value of a state if it is below `limit`.
+
+    Otherwise, or if the budget is spent, a lower bound.
+    """
     known = lower(problem, table, trail, level)
     if table.exact[table.slot(trail.keys, level)] or known >= limit or table.spent or table.full:
         return known
@@ -282,6 +304,7 @@ def solve(problem: Beliefs, table: Memo, trail: Trail, level: int, limit: float)
         value = begun(problem, table, trail, level, trail.ranking.order[level, rank], best)
         floor, best = min(floor, value), min(best, value)
         if rank + 1 < count and trail.ranking.values[level, rank + 1] >= best:
-            floor = min(floor, trail.ranking.values[level, rank + 1])  # the following actions are no better
+            # the following actions are no better
+            floor = min(floor, trail.ranking.values[level, rank + 1])
             break
     return table.conclude(trail.keys, level, floor, limit)

@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Plain dynamic programming over all sequences of outcomes, for problems with few actions.
 
-A state is a number in a mixed radix: digit a is 0 while action a is not done, else its outcome plus one. An
-action only makes the number larger, so one downward pass reaches every successor before the state itself.
+A state is a number in a mixed radix: digit a is 0 while action a is not done, else its outcome plus
+one. An action only makes the number larger, so one downward pass reaches every successor before the
+state itself.
 """
 
 import numpy as np
@@ -20,8 +21,13 @@ class States:
     """
 
     def __init__(self, problem: Beliefs, prior: Floats, radix: Longs, poll: Poll) -> None:
-        """Raises `ValueError` unless each action has a radix from 1 to the number of outcomes plus one."""
-        if radix.shape != (problem.actions,) or not ((radix >= 1) & (radix <= problem.outcomes + 1)).all():
+        """Raises `ValueError` unless each action has a radix from 1 to the number of outcomes
+        plus one.
+        """
+        if (
+            radix.shape != (problem.actions,)
+            or not ((radix >= 1) & (radix <= problem.outcomes + 1)).all()
+        ):
             raise ValueError(
                 f"a radix of 1 to {problem.outcomes + 1} was expected for each action, not {radix}"
             )

@@ -1,6 +1,8 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
-"""What is known of the value of each state: a table with open addressing, whose keys are rows of words."""
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
+"""What is known of the value of each state: a table with open addressing, whose keys are rows
+of words.
+"""
 
 import numpy as np
 
@@ -90,7 +92,8 @@ class Memo:
             self.full = True
 
     def conclude(self, keys: Keys, row: int, floor: float, limit: float) -> float:
-        """Note that a value is at least `floor`, or exactly `floor` if all below `limit` was searched.
+        """Note that a value is at least `floor`, or exactly `floor` if all below `limit` was
+        searched.
 
         Returns what is known.
         """

@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
-"""Exact search if every cause determines every outcome: a state is the set of causes still possible.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
+"""Exact search if every cause determines every outcome: a state is the set of causes still
+possible.
 
-It is a depth-first branch and bound over the AND/OR graph, with a memo of lower bounds and values. The bound
-is the cost of separating pairs of causes that may not be concluded together.
+It is a depth-first branch and bound over the AND/OR graph, with a memo of lower bounds and values.
+The bound is the cost of separating pairs of causes that may not be concluded together.
 """
 
 from math import inf
@@ -17,7 +18,10 @@ from cellwright.engine.stages.diagnosis.kernels.ranking import Ranking
 
 
 class Partition:
-    """A problem in sets of W words: bit c of a set stands for cause c. A key has one word more: the situation."""
+    """A problem in sets of W words: bit c of a set stands for cause c.
+
+    A key has one word more: the situation.
+    """
 
     def __init__(
         self,
@@ -33,17 +37,31 @@ class Partition:
     ) -> None:
         """Takes the arrays of a problem. Raises `ValueError` if their shapes do not agree.
 
-        `masses` (8 W, 256): the probability of each byte of a set. `masks` (A, O, W): the causes that give
-        outcome o of action a; an outcome in `ends` (A, O) ends the case. `costs` and `following` (K, A) of
-        action a in situation k; `cheapest` (A,) over the situations. `goals` (G, W): sets that may be
-        concluded. `exempt` (E, W): disjoint sets within which no pair needs to be separated. `cures` (C,):
-        the least cost of ending the case if the cause is known.
+        `masses` (8 W, 256): the probability of each byte of a set. `masks` (A, O, W): the causes
+        that give outcome o of action a; an outcome in `ends` (A, O) ends the case. `costs` and
+        `following` (K, A) of action a in situation k; `cheapest` (A,) over the situations. `goals`
+        (G, W): sets that may be concluded. `exempt` (E, W): disjoint sets within which no pair
+        needs to be separated. `cures` (C,): the least cost of ending the case if the cause is
+        known.
         """
         self.actions, self.outcomes, self.sets = masks.shape
-        self.causes, self.conclusions, self.groups, row = len(cures), len(goals), len(exempt), (self.actions,)
+        self.causes, self.conclusions, self.groups, row = (
+            len(cures),
+            len(goals),
+            len(exempt),
+            (self.actions,),
+        )
         agree = masses.shape == (8 * self.sets, 256) and ends.shape == masks.shape[:2]
-        agree = agree and len(cures) <= 64 * self.sets and goals.shape[1:] == exempt.shape[1:] == (self.sets,)
-        if not agree or not costs.shape == following.shape == (len(costs), *row) or cheapest.shape != row:
+        agree = (
+            agree
+            and len(cures) <= 64 * self.sets
+            and goals.shape[1:] == exempt.shape[1:] == (self.sets,)
+        )
+        if (
+            not agree
+            or not costs.shape == following.shape == (len(costs), *row)
+            or cheapest.shape != row
+        ):
             raise ValueError(f"the arrays of a problem do not fit masks {masks.shape}")
         self.masses, self.masks, self.ends = real(masses), whole(masks), whole(ends.view(np.uint8))
         self.costs, self.following, self.cheapest = real(costs), whole(following), real(cheapest)
@@ -51,12 +69,16 @@ class Partition:
 
 
 class Room:
-    """Working space of a search: key and ranking of the actions at each level (the last ones for bounds), and blocks.
+    """Working space of a search: key and ranking of the actions at each level (the last ones for
+    bounds), and blocks.
 
-    No way is longer than the number of actions, because an action that was done brings no new information.
+    No way is longer than the number of actions, because an action that was done brings no new
+    information.
     """
 
-    def __init__(self, problem: Partition, causes: int, situation: int, poll: Poll | None = None) -> None:
+    def __init__(
+        self, problem: Partition, causes: int, situation: int, poll: Poll | None = None
+    ) -> None:
         """Begins at level 0 with a set of causes and a situation."""
         self.last = problem.actions + 1
         self.keys = Keys(self.last + 1, problem.sets + 1)
@@ -68,7 +90,10 @@ class Room:
         self.keys.write(0, problem.sets, problem.sets + 1, situation)
 
     def follow(self, problem: Partition, level: int, action: int, outcome: int) -> bool:
-        """Write the next level: the state after an outcome. Returns whether any cause is still possible."""
+        """Write the next level: the state after an outcome.
+
+        Returns whether any cause is still possible.
+        """
         some, last = 0, problem.sets
         for word in range(last):
             part = self.keys.words[level, word] & problem.masks[action, outcome, word]
@@ -136,7 +161,9 @@ def _unlike(problem: Partition, keys: Keys, row: int, action: int, total: float)
 
 
 def _needed(problem: Partition, room: Room, row: int, action: int) -> float:
-    """The weight of the pairs of a block that an action separates and that may not be concluded together."""
+    """The weight of the pairs of a block that an action separates and that may not be concluded
+    together.
+    """
     weight = _unlike(problem, room.blocks, row, action, mass(problem, room.blocks, row))
     for group in range(problem.groups):
         for word in range(problem.sets):
@@ -158,8 +185,12 @@ def several(problem: Partition, keys: Keys, row: int) -> bool:
     return False
 
 
-def _split(problem: Partition, room: Room, index: int, action: int, outcome: int, count: int) -> bool:
-    """Move the causes of a block that give an outcome to block `count`, if they are some but not all."""
+def _split(
+    problem: Partition, room: Room, index: int, action: int, outcome: int, count: int
+) -> bool:
+    """Move the causes of a block that give an outcome to block `count`, if they are some but
+    not all.
+    """
     some, other = 0, 0
     for word in range(problem.sets):
         part = room.blocks.words[index, word] & problem.masks[action, outcome, word]
@@ -205,9 +236,10 @@ def _move(problem: Partition, room: Room, origin: int, place: int) -> None:
 def bound(problem: Partition, room: Room, row: int) -> float:
     """A lower bound of the weighted cost from the state at a level.
 
-    Each pair (i, j) that may not be concluded together is separated at one state only. A state of mass P
-    where action a separates pairs of weight W costs c P, that is c P / W for each unit of weight. In a
-    smaller state W / P is smaller, so no pair ever costs less than its cheapest rate here.
+    Each pair (i, j) that may not be concluded together is separated at one state only. A state of
+    mass P where action a separates pairs of weight W costs c P, that is c P / W for each unit of
+    weight. In a smaller state W / P is smaller, so no pair ever costs less than its cheapest rate
+    here.
     """
     total, ranking = mass(problem, room.keys, row), room.ranking
     count = 0
@@ -246,7 +278,9 @@ def lower(problem: Partition, table: Memo, room: Room, level: int) -> float:
 
 def estimate(problem: Partition, table: Memo, room: Room, level: int, action: int) -> float:
     """A lower bound on the cost of beginning with an action."""
-    value = problem.costs[room.keys.words[level, problem.sets], action] * mass(problem, room.keys, level)
+    value = problem.costs[room.keys.words[level, problem.sets], action] * mass(
+        problem, room.keys, level
+    )
     for outcome in range(problem.outcomes):
         if not problem.ends[action, outcome] and room.follow(problem, level, action, outcome):
             value += lower(problem, table, room, level + 1)
@@ -265,9 +299,15 @@ def ranked(problem: Partition, table: Memo, room: Room, level: int) -> int:
     return count
 
 
-def begun(problem: Partition, table: Memo, room: Room, level: int, action: int, best: float) -> float:
-    """The cost of beginning with an action. If it is not below `best`, or the search ends, a lower bound."""
-    value = estimate(problem, table, room, level, action)  # the table may have a better bound by now
+def begun(
+    problem: Partition, table: Memo, room: Room, level: int, action: int, best: float
+) -> float:
+    """The cost of beginning with an action.
+
+    If it is not below `best`, or the search ends, a lower bound.
+    """
+    # the table may have a better bound by now
+    value = estimate(problem, table, room, level, action)
     for outcome in range(problem.outcomes):
         going = value < best and not table.full and not problem.ends[action, outcome]
         if going and room.follow(problem, level, action, outcome):
@@ -277,7 +317,10 @@ def begun(problem: Partition, table: Memo, room: Room, level: int, action: int, 
 
 
 def solve(problem: Partition, table: Memo, room: Room, level: int, limit: float) -> float:
-    """The value of a state if it is below `limit`. Otherwise, or if the budget is spent, a lower bound."""
+    """The value of a state if it is below `limit`.
+
+    Otherwise, or if the budget is spent, a lower bound.
+    """
     known = lower(problem, table, room, level)
     if table.exact[table.slot(room.keys, level)] or known >= limit or table.spent or table.full:
         return known
@@ -292,6 +335,7 @@ def solve(problem: Partition, table: Memo, room: Room, level: int, limit: float)
         value = begun(problem, table, room, level, room.ranking.order[level, rank], best)
         floor, best = min(floor, value), min(best, value)
         if rank + 1 < count and room.ranking.values[level, rank + 1] >= best:
-            floor = min(floor, room.ranking.values[level, rank + 1])  # the following actions are no better
+            # the following actions are no better
+            floor = min(floor, room.ranking.values[level, rank + 1])
             break
     return table.conclude(room.keys, level, floor, limit)

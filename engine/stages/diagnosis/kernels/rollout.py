@@ -1,11 +1,12 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
-"""One-step rules, the cost of following them, and rollout of two steps with such a rule as base policy.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
+"""One-step rules, the cost of following them, and rollout of two steps with such a rule as base
+policy.
 
-Bertsekas, Tsitsiklis & Wu 1997: lookahead over the cost of a base policy is never worse than this policy.
-Here each leaf takes the cheapest of several base policies; this remains true. In large problems the lookahead
-tries only the actions that a rule prefers, and a policy is not followed into branches of little weight: these
-are charged what they cost at most.
+Bertsekas, Tsitsiklis & Wu 1997: lookahead over the cost of a base policy is never worse than this
+policy. Here each leaf takes the cheapest of several base policies; this remains true. In large
+problems the lookahead tries only the actions that a rule prefers, and a policy is not followed into
+branches of little weight: these are charged what they cost at most.
 """
 
 import math
@@ -31,17 +32,25 @@ RULES: dict[str, int] = {"gain": GAIN, "pairs": PAIRS, "p/c": CURES}
 
 
 class Groups:
-    """For each cause (C,) the number of its group, at most C groups; working space; and the reach of policies.
+    """For each cause (C,) the number of its group, at most C groups; working space; and the reach
+    of policies.
 
-    `dearest` (A,) are the greatest costs of the actions over all situations, and `worst` the greatest loss that
-    is possible at the end. Policies do not follow branches with less weight than `least`, and try no more than
-    `width` actions at each step of a lookahead.
+    `dearest` (A,) are the greatest costs of the actions over all situations, and `worst` the
+    greatest loss that is possible at the end. Policies do not follow branches with less weight than
+    `least`, and try no more than `width` actions at each step of a lookahead.
     """
 
     def __init__(self, problem: Beliefs, groups: Longs, dearest: Floats, worst: float) -> None:
-        """Raises `ValueError` unless there is a group for each cause, and a cost for each action."""
-        if groups.shape != (problem.causes,) or not ((groups >= 0) & (groups < problem.causes)).all():
-            raise ValueError(f"a group below {problem.causes} was expected for each cause, not {groups}")
+        """Raises `ValueError` unless there is a group for each cause, and a cost for each
+        action.
+        """
+        if (
+            groups.shape != (problem.causes,)
+            or not ((groups >= 0) & (groups < problem.causes)).all()
+        ):
+            raise ValueError(
+                f"a group below {problem.causes} was expected for each cause, not {groups}"
+            )
         if dearest.shape != (problem.actions,):
             raise ValueError(f"{problem.actions} costs were expected, not {dearest.shape}")
         self.group, self.dearest, self.worst = whole(groups), real(dearest), worst
@@ -54,7 +63,9 @@ class Groups:
         self.together, self.width, self.least = False, problem.actions, 0.0
 
     def limit(self, width: int, least: float) -> None:
-        """Set the number of actions that a lookahead tries, and the weight of branches that are not followed."""
+        """Set the number of actions that a lookahead tries, and the weight of branches that are
+        not followed.
+        """
         self.width, self.least = width, least
 
 
@@ -68,7 +79,8 @@ def _spread(part: float, total: float, rule: int) -> float:
 def uncertainty(
     problem: Beliefs, trail: Trail, level: int, groups: Groups, rule: int, action: int, outcome: int
 ) -> float:
-    """The entropy (bits) over groups of causes after an outcome, times the mass. Before all, if `action` is -1.
+    """The entropy (bits) over groups of causes after an outcome, times the mass. Before all, if
+    `action` is -1.
 
     For the rule `PAIRS`: the weight of pairs of different groups, divided by the mass.
     """
@@ -103,8 +115,12 @@ def prepare(problem: Beliefs, trail: Trail, level: int, groups: Groups, rule: in
     return uncertainty(problem, trail, level, groups, rule, -1, 0)
 
 
-def _left(problem: Beliefs, groups: Groups, action: int, trail: Trail, level: int, rule: int) -> float:
-    """The uncertainty that is left after an action: the sum over the outcomes that do not end the case."""
+def _left(
+    problem: Beliefs, groups: Groups, action: int, trail: Trail, level: int, rule: int
+) -> float:
+    """The uncertainty that is left after an action: the sum over the outcomes that do not end
+    the case.
+    """
     if not groups.together and problem._shown[action, 0] >= 0:
         return _left_surely(problem, groups, action, trail, level, rule)
     left = 0.0
@@ -114,8 +130,12 @@ def _left(problem: Beliefs, groups: Groups, action: int, trail: Trail, level: in
     return left
 
 
-def _left_surely(problem: Beliefs, groups: Groups, action: int, trail: Trail, level: int, rule: int) -> float:
-    """The same for a certain action, if every cause is alone in its group: sums of what each cause adds."""
+def _left_surely(
+    problem: Beliefs, groups: Groups, action: int, trail: Trail, level: int, rule: int
+) -> float:
+    """The same for a certain action, if every cause is alone in its group: sums of what each
+    cause adds.
+    """
     left = 0.0
     for outcome in range(problem.outcomes):
         groups.parts[outcome] = 0.0
@@ -150,7 +170,8 @@ def _ending(problem: Beliefs, trail: Trail, level: int, action: int) -> float:
 def _price(problem: Beliefs, trail: Trail, level: int, action: int, rule: int) -> float:
     """The cost of an action as a rule counts it.
 
-    `MILD` gives costs less weight: it takes the square root of the cost or, with set-up, the cost without it.
+    `MILD` gives costs less weight: it takes the square root of the cost or, with set-up, the cost
+    without it.
     """
     cost = problem._costs[situation_of(problem, trail, level), action]
     if rule == MILD and problem.changes > 1:
@@ -162,9 +183,18 @@ def _price(problem: Beliefs, trail: Trail, level: int, action: int, rule: int) -
 
 
 def index(
-    problem: Beliefs, groups: Groups, action: int, trail: Trail, level: int, rule: int, before: float
+    problem: Beliefs,
+    groups: Groups,
+    action: int,
+    trail: Trail,
+    level: int,
+    rule: int,
+    before: float,
 ) -> float:
-    """The worth of an action by a rule, per unit of cost; larger is better. `before` comes from `prepare`."""
+    """The worth of an action by a rule, per unit of cost; larger is better.
+
+    `before` comes from `prepare`.
+    """
     if rule == CURES:
         gain = _ending(problem, trail, level, action)
     else:
@@ -172,7 +202,9 @@ def index(
     return gain / _price(problem, trail, level, action, rule)
 
 
-def _preferred(problem: Beliefs, groups: Groups, trail: Trail, level: int, rule: int) -> tuple[int, float]:
+def _preferred(
+    problem: Beliefs, groups: Groups, trail: Trail, level: int, rule: int
+) -> tuple[int, float]:
     """The first action with the largest index, and this index; -1 if no action is useful."""
     best, value = -1, -inf
     before = prepare(problem, trail, level, groups, rule)
@@ -205,11 +237,13 @@ def at_most(problem: Beliefs, groups: Groups, trail: Trail, level: int) -> float
     return min(stop(problem, trail, level), cost * trail.mass(level))
 
 
-def follow(problem: Beliefs, groups: Groups, table: Memo, trail: Trail, level: int, rule: int) -> float:
+def follow(
+    problem: Beliefs, groups: Groups, table: Memo, trail: Trail, level: int, rule: int
+) -> float:
     """The weighted cost of following a rule, and of stopping if that is cheaper.
 
-    If the table is full, the value is of no use: the caller asks again with a longer table. If the search was
-    stopped, it is what the case costs at most.
+    If the table is full, the value is of no use: the caller asks again with a longer table. If the
+    search was stopped, it is what the case costs at most.
     """
     at = table.slot(trail.keys, level)
     if table.used[at] or table.full:
@@ -247,7 +281,8 @@ def base_cost(problem: Beliefs, groups: Groups, bases: Bases, trail: Trail, leve
 
 
 def candidates(problem: Beliefs, groups: Groups, trail: Trail, level: int) -> int:
-    """Rank the useful actions by how much a rule prefers them; in the declared order if all are to be tried.
+    """Rank the useful actions by how much a rule prefers them; in the declared order if all are to
+    be tried.
 
     Returns the number of these actions.
     """
@@ -261,12 +296,19 @@ def candidates(problem: Beliefs, groups: Groups, trail: Trail, level: int) -> in
 
 
 def look_ahead(
-    problem: Beliefs, groups: Groups, bases: Bases, trail: Trail, level: int, steps: int, limit: float
+    problem: Beliefs,
+    groups: Groups,
+    bases: Bases,
+    trail: Trail,
+    level: int,
+    steps: int,
+    limit: float,
 ) -> tuple[int, float]:
-    """The best first action and its cost, by a lookahead of `steps` over the base policies; -1 to stop.
+    """The best first action and its cost, by a lookahead of `steps` over the base policies; -1 to
+    stop.
 
-    Actions that cannot cost less than `limit` are left early; their cost is then at least `limit`. If the search
-    is stopped, the best action so far is given.
+    Actions that cannot cost less than `limit` are left early; their cost is then at least `limit`.
+    If the search is stopped, the best action so far is given.
     """
     best, value = -1, stop(problem, trail, level)
     if steps == 0 or value <= 0.0:
@@ -292,10 +334,14 @@ def _looked(
     action: int,
     limit: float,
 ) -> float:
-    """The cost of an action and of the lookahead after it; if it is not below `limit`, a part of it that is not."""
+    """The cost of an action and of the lookahead after it; if it is not below `limit`, a part
+    of it that is not.
+    """
     going = problem._costs[situation_of(problem, trail, level), action] * trail.mass(level)
     for outcome in range(problem.outcomes):
         going_on = going < limit and not problem._ends[action, outcome]
         if going_on and trail.follow(problem, level, action, outcome):
-            going += look_ahead(problem, groups, bases, trail, level + 1, steps - 1, limit - going)[1]
+            going += look_ahead(problem, groups, bases, trail, level + 1, steps - 1, limit - going)[
+                1
+            ]
     return going

@@ -35,7 +35,8 @@ from cellwright.engine.stages.geometry.shapes.convex_pieces import (
     pack_with_bounds,
 )
 
-MAX_STANDING_PAIRWISE = 100  # standing pieces: beyond it, walking down a tree beats comparing every pair
+# standing pieces: beyond it, walking down a tree beats comparing every pair
+MAX_STANDING_PAIRWISE = 100
 
 
 class BuiltinChecker:
@@ -50,14 +51,18 @@ class BuiltinChecker:
 
     @cached_property
     def _likeliest(self) -> Pairs:
-        """The pairs that can touch; before a large batch it is worth finding out which ones do so most often."""
+        """The pairs that can touch; before a large batch it is worth finding out which ones do
+        so most often.
+        """
         if self._scene.free:
             return self._touchable
         poses = pose_batch(self._scene, sample_configurations(self._scene.joints))
         return sort_by_likelihood(poses, self._pieces, self._touchable)
 
     def packed(self, within_m: float = 0.0) -> tuple[Pieces, Pairs]:
-        """The scene as kernels read it: its pieces, and the pairs that can come within a distance, the likeliest first."""
+        """The scene as kernels read it: its pieces, and the pairs that can come within a
+        distance, the likeliest first.
+        """
         if within_m == 0.0:
             return self._pieces, self._likeliest
         may_touch = touchable_pairs(self._scene, self._pieces, within_m)
@@ -78,7 +83,8 @@ class BuiltinChecker:
         return endless | (self._first(where) >= 0)
 
     def first_contacts(self, where: Floats) -> Longs:
-        """A pair that touches for each of the batch, as an index into the scene's pairs (n,); -1 for none.
+        """A pair that touches for each of the batch, as an index into the scene's pairs (n,); -1
+        for none.
 
         Raises `ValueError` for what is no number.
         """
@@ -91,7 +97,9 @@ class BuiltinChecker:
         """`first_contacts` of a checked batch."""
         first_hits = np.empty(len(where), dtype=np.int64)
         if len(where) <= POSE_SAMPLES:
-            first_contacts(checked_poses(self._scene, where), self._pieces, self._touchable, first_hits)
+            first_contacts(
+                checked_poses(self._scene, where), self._pieces, self._touchable, first_hits
+            )
             return first_hits
         pairs = self._likeliest
 
@@ -110,7 +118,8 @@ class BuiltinChecker:
         return distance
 
     def nearest(self, where: Floats, beyond_m: float = 1.0) -> tuple[Contact | None, ...]:
-        """The nearest (or deepest) two bodies of each (n,); None where nothing is nearer than `beyond_m`.
+        """The nearest (or deepest) two bodies of each (n,); None where nothing is nearer than
+        `beyond_m`.
 
         Raises `ValueError` for what is no number.
         """
@@ -129,7 +138,9 @@ class BuiltinChecker:
         return tuple(contacts)
 
     def _nearest(self, where: Floats, beyond_m: float) -> tuple[Floats, Longs, Floats]:
-        """The least signed distance below `beyond_m` (n,), its pair (n,) or -1, and its points and normal (n, 9)."""
+        """The least signed distance below `beyond_m` (n,), its pair (n,) or -1, and its points
+        and normal (n, 9).
+        """
         from cellwright.engine.kernels.geometry.checks import nearest_pairs
 
         n = len(where)
@@ -190,10 +201,12 @@ NO_NAMES: Names = frozenset()
 def attach_body(
     checker: BuiltinChecker, body: str, carrier: int, T_new_old: Floats, allowed: Names = NO_NAMES
 ) -> BuiltinChecker:
-    """The checker of the scene in which a body moves with another carrier from now on; on carrier 0 it is put down.
+    """The checker of the scene in which a body moves with another carrier from now on; on carrier 0
+    it is put down.
 
-    `T_new_old` (4, 4) is the pose of the body's carrier up to now in the new one. The body is checked against all that is on
-    other carriers, except for the `allowed` pairs of names. Raises `ValueError` for an unknown body or carrier.
+    `T_new_old` (4, 4) is the pose of the body's carrier up to now in the new one. The body is
+    checked against all that is on other carriers, except for the `allowed` pairs of names. Raises
+    `ValueError` for an unknown body or carrier.
     """
     scene = checker.scene
     mine = _pieces_of_bodies(scene, {body})
@@ -207,7 +220,9 @@ def attach_body(
     )
     touching = {name for pair in allowed if body in pair for name in pair} - {body}
     changed = replace(
-        scene, pieces=pieces, pairs=_renewed_pairs(scene, pieces, mine, _pieces_of_bodies(scene, touching))
+        scene,
+        pieces=pieces,
+        pairs=_renewed_pairs(scene, pieces, mine, _pieces_of_bodies(scene, touching)),
     )
     return BuiltinChecker(changed, _repack_pieces(checker, pieces, np.nonzero(mine)[0]))
 
@@ -218,9 +233,14 @@ def allow_contacts(checker: BuiltinChecker, allowed: Names) -> BuiltinChecker:
     is_kept = np.ones(len(pairs), dtype=bool)
     for names in allowed:
         first, last = min(names), max(names)
-        of_first, of_last = _pieces_of_bodies(scene, {first})[pairs], _pieces_of_bodies(scene, {last})[pairs]
+        of_first, of_last = (
+            _pieces_of_bodies(scene, {first})[pairs],
+            _pieces_of_bodies(scene, {last})[pairs],
+        )
         is_kept &= ~((of_first[:, 0] & of_last[:, 1]) | (of_first[:, 1] & of_last[:, 0]))
-    return BuiltinChecker(replace(scene, pairs=np.ascontiguousarray(pairs[is_kept])), checker.bounded)
+    return BuiltinChecker(
+        replace(scene, pairs=np.ascontiguousarray(pairs[is_kept])), checker.bounded
+    )
 
 
 def _pieces_of_bodies(scene: CollisionScene, bodies: set[str]) -> Truths:
@@ -231,13 +251,17 @@ def _pieces_of_bodies(scene: CollisionScene, bodies: set[str]) -> Truths:
 def _renewed_pairs(
     scene: CollisionScene, pieces: tuple[ConvexPiece, ...], mine: Truths, may: Truths
 ) -> Longs:
-    """The pairs without the body's, and then the body's with all that is on other carriers, except for what `may` touch it."""
+    """The pairs without the body's, and then the body's with all that is on other carriers,
+    except for what `may` touch it.
+    """
     old = scene.pairs.reshape(-1, 2)
     remaining = old[~mine[old].any(axis=1)]
     carrier = np.array([piece.carrier for piece in pieces])
     numbers = np.nonzero(mine)[0]
     with_it = ~mine & ~may & (carrier != carrier[numbers[0]])
-    own = np.stack(np.meshgrid(numbers, np.nonzero(with_it)[0], indexing="ij"), axis=-1).reshape(-1, 2)
+    own = np.stack(np.meshgrid(numbers, np.nonzero(with_it)[0], indexing="ij"), axis=-1).reshape(
+        -1, 2
+    )
     renewed: Longs = np.concatenate([remaining, np.sort(own, axis=1)]).astype(np.int64)
     return renewed
 
@@ -245,7 +269,9 @@ def _renewed_pairs(
 def _repack_pieces(
     checker: BuiltinChecker, pieces: tuple[ConvexPiece, ...], numbers: Longs
 ) -> tuple[Pieces, Longs]:
-    """The packed pieces with those of the body renewed, and bounds of their own around them at the end."""
+    """The packed pieces with those of the body renewed, and bounds of their own around them at
+    the end.
+    """
     old, bound_of = checker.bounded
     own = [pieces[n] for n in numbers]
     fresh = pack_pieces(own)
@@ -264,16 +290,19 @@ def _repack_pieces(
 def nearest_contacts(
     checker: CollisionChecker, where: Floats, beyond_m: float = 1.0
 ) -> tuple[Contact | None, ...]:
-    """For each of a batch (n, ...) the two bodies that are nearest to each other, or overlap deepest.
+    """For each of a batch (n, ...) the two bodies that are nearest to each other, or overlap
+    deepest.
 
-    None where nothing is nearer than `beyond_m`. The built-in checker answers for the whole batch at once, others one by one.
-    Raises `ValueError` for what is no number.
+    None where nothing is nearer than `beyond_m`. The built-in checker answers for the whole batch
+    at once, others one by one. Raises `ValueError` for what is no number.
     """
     if isinstance(checker, BuiltinChecker):
         return checker.nearest(where, beyond_m)
     contact_lists = (
-        checker.contacts(configuration, beyond_m) for configuration in np.asarray(where, dtype=float)
+        checker.contacts(configuration, beyond_m)
+        for configuration in np.asarray(where, dtype=float)
     )
     return tuple(
-        min(candidates, key=lambda contact: contact.distance_m, default=None) for candidates in contact_lists
+        min(candidates, key=lambda contact: contact.distance_m, default=None)
+        for candidates in contact_lists
     )

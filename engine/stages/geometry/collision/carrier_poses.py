@@ -11,7 +11,8 @@ from cellwright.engine.model.geometry import CollisionScene, Joints
 
 
 def pose_batch(scene: CollisionScene, where: Floats) -> Floats:
-    """The carrier poses (n, k + 1, 3, 4) of configurations (n, k) or, in a free scene, of poses (n, 4, 4).
+    """The carrier poses (n, k + 1, 3, 4) of configurations (n, k) or, in a free scene, of poses (n,
+    4, 4).
 
     Raises `ValueError` for an array of another shape.
     """
@@ -31,13 +32,18 @@ def checked_poses(scene: CollisionScene, where: Floats) -> Floats:
 
 @lru_cache(64)
 def mechanism_of(joints: Joints) -> Mechanism:
-    """The joints as kernels read them; joints are one value for each scene, so they are checked once."""
+    """The joints as kernels read them; joints are one value for each scene, so they are checked
+    once.
+    """
     origins, axes = np.ascontiguousarray(joints.T_parent_origin), np.ascontiguousarray(joints.axis)
     return Mechanism(joints.parent, origins, axes, joints.prismatic)
 
 
 def as_batch(scene: CollisionScene, where: Floats) -> Floats:
-    """The configurations (n, k) or poses (n, 4, 4) as an array. Raises `ValueError` for another shape."""
+    """The configurations (n, k) or poses (n, 4, 4) as an array.
+
+    Raises `ValueError` for another shape.
+    """
     where, count = np.ascontiguousarray(where, dtype=float), scene.joints.count
     if where.shape[1:] != ((4, 4) if scene.free else (count,)):
         kind = "poses" if scene.free else "configurations"
@@ -47,7 +53,8 @@ def as_batch(scene: CollisionScene, where: Floats) -> Floats:
 
 
 def split_batch(scene: CollisionScene, where: Floats) -> tuple[Floats, Truths]:
-    """The batch with zeros for what is no number, and which of it (n,) has such entries: nothing is known about these.
+    """The batch with zeros for what is no number, and which of it (n,) has such entries: nothing is
+    known about these.
 
     Raises as `batch` does.
     """
@@ -62,12 +69,17 @@ def split_batch(scene: CollisionScene, where: Floats) -> tuple[Floats, Truths]:
 
 
 def is_finite(where: Floats) -> bool:
-    """Whether a batch has numbers alone, seen quickly; a batch of great numbers may also get False."""
+    """Whether a batch has numbers alone, seen quickly; a batch of great numbers may also get
+    False.
+    """
     return math.isfinite(np.vdot(where, where))
 
 
 def batch_of_one(scene: CollisionScene, configuration: Floats) -> Floats:
-    """A batch of one configuration (k,) or pose (4, 4). Raises `ValueError` if it is no number, or of another shape."""
+    """A batch of one configuration (k,) or pose (4, 4).
+
+    Raises `ValueError` if it is no number, or of another shape.
+    """
     where, endless = split_batch(scene, np.asarray(configuration, dtype=float)[None])
     if endless.any():
         raise ValueError("a configuration or pose has an entry that is not a finite number")

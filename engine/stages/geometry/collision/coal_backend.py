@@ -1,4 +1,6 @@
-"""The coal library (BSD licence) as a geometry backend; an extra: `pip install cellwright[coal]`."""
+"""The coal library (BSD licence) as a geometry backend; an extra: `pip install
+cellwright[coal]`.
+"""
 
 import coal
 import numpy as np
@@ -36,7 +38,9 @@ class CoalChecker:
     def __init__(self, scene: CollisionScene) -> None:
         self._scene = scene
         self._geometries = [_coal_geometry(piece) for piece in scene.pieces]
-        self._frames = np.array([primitive_frame(piece) for piece in scene.pieces]).reshape(-1, 4, 4)
+        self._frames = np.array([primitive_frame(piece) for piece in scene.pieces]).reshape(
+            -1, 4, 4
+        )
         self._carrier = np.array([piece.carrier for piece in scene.pieces], dtype=int)
         middles = [(p.vertices.min(axis=0) + p.vertices.max(axis=0)) / 2 for p in scene.pieces]
         self._centres = np.array(
@@ -60,7 +64,9 @@ class CoalChecker:
     def collides(self, where: Floats) -> Truths:
         """Whether any pair touches (n,)."""
         where, endless = split_batch(self._scene, where)
-        return np.array([self._touches(poses) for poses in self._poses(where)], dtype=bool) | endless
+        return (
+            np.array([self._touches(poses) for poses in self._poses(where)], dtype=bool) | endless
+        )
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), in metres; `beyond_m` where it would be larger."""
@@ -99,7 +105,12 @@ class CoalChecker:
         for i, j in self._candidates(poses, 0.0):
             result = coal.CollisionResult()
             if coal.collide(
-                self._geometries[i], transforms[i], self._geometries[j], transforms[j], request, result
+                self._geometries[i],
+                transforms[i],
+                self._geometries[j],
+                transforms[j],
+                request,
+                result,
             ):
                 return True
         return False
@@ -112,7 +123,12 @@ class CoalChecker:
         for i, j in self._candidates(poses, within_m):
             result = coal.DistanceResult()
             distance = coal.distance(
-                self._geometries[i], transforms[i], self._geometries[j], transforms[j], request, result
+                self._geometries[i],
+                transforms[i],
+                self._geometries[j],
+                transforms[j],
+                request,
+                result,
             )
             if distance <= within_m:
                 near.append(self._contact(i, j, float(distance), result))
@@ -122,7 +138,11 @@ class CoalChecker:
         first, second = np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
         gap = second - first
         length = float(np.linalg.norm(gap))
-        normal = gap / length * np.sign(distance) if length > 1e-9 else np.array(result.normal).reshape(3)
+        normal = (
+            gap / length * np.sign(distance)
+            if length > 1e-9
+            else np.array(result.normal).reshape(3)
+        )
         pieces = self._scene.pieces
         return Contact(pieces[i].body, pieces[j].body, distance, first, second, normal)
 
@@ -134,7 +154,10 @@ class CoalBackend:
     exact_depths = True
 
     def checker(self, scene: CollisionScene) -> CoalChecker:
-        """A checker with coal geometries for the scene. Raises `ValueError` for a rounded polytope."""
+        """A checker with coal geometries for the scene.
+
+        Raises `ValueError` for a rounded polytope.
+        """
         return CoalChecker(scene)
 
     def checker_of_few(self, scene: CollisionScene) -> CoalChecker:

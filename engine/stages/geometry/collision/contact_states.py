@@ -1,8 +1,8 @@
 """A filter of contact states: whether the parts whose contact changes overlap with others then.
 
-Fixtures stand where the cell has them, moved by the settings of their joints that the change needs. Every other object
-stands where its contacts put it: the frames of two anchor points in contact coincide. The way from one contact state to the
-next is not looked at here.
+Fixtures stand where the cell has them, moved by the settings of their joints that the change needs.
+Every other object stands where its contacts put it: the frames of two anchor points in contact
+coincide. The way from one contact state to the next is not looked at here.
 """
 
 from collections import deque
@@ -48,7 +48,9 @@ class CollisionOfContacts:
         self.backend = geometry_backend()
 
     def individuals(self) -> frozenset[tuple[str, str]]:
-        """The anchor points of classes for which it makes a difference which of several is taken."""
+        """The anchor points of classes for which it makes a difference which of several is
+        taken.
+        """
         individuals = set()
         for kind in self.model.classes.values():
             groups: dict[str, list[str]] = {}
@@ -56,7 +58,9 @@ class CollisionOfContacts:
                 groups.setdefault(anchor.anchor_class, []).append(anchor.name)
             for anchors in groups.values():
                 verdicts = (
-                    {self._verdicts(kind.name, anchor) for anchor in anchors} if len(anchors) > 1 else set()
+                    {self._verdicts(kind.name, anchor) for anchor in anchors}
+                    if len(anchors) > 1
+                    else set()
                 )
                 if len(verdicts) > 1:
                     individuals |= {(kind.name, anchor) for anchor in anchors}
@@ -92,7 +96,10 @@ class CollisionOfContacts:
                 seen.add(kind)
                 for point in self._points(instance):
                     contact = Octuple(point, lock)
-                    if class_of(contact, self.model.contact_classes, self.model.classes) is not None:
+                    if (
+                        class_of(contact, self.model.contact_classes, self.model.classes)
+                        is not None
+                    ):
                         yield contact
 
     @cached_property
@@ -104,7 +111,9 @@ class CollisionOfContacts:
             name for name, body in named if body in bodies and bodies[body].kind is BodyKind.FIXTURE
         )
 
-    def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:
+    def reason(
+        self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None
+    ) -> str:
         """Which two bodies overlap; empty if none do, or if no contact is made."""
         if change is None:
             return ""
@@ -151,7 +160,9 @@ class CollisionOfContacts:
     def _poses(
         self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple
     ) -> dict[str, Floats]:
-        """T_world_object (4, 4) of each object that is a body: fixtures as their joints are, the others by their contacts."""
+        """T_world_object (4, 4) of each object that is a body: fixtures as their joints are,
+        the others by their contacts.
+        """
         settings = self._settings(contacts, change)
         poses = {name: self._standing(name, settings) for name in objects if name in self._fixtures}
         if not poses:
@@ -162,7 +173,9 @@ class CollisionOfContacts:
             for contact in contacts:
                 for near, far in ((contact.first, contact.second), (contact.second, contact.first)):
                     if near.instance == at and far.instance not in poses:
-                        T = matmul(poses[at], self._anchor(near), transforms.inverse(self._anchor(far)))
+                        T = matmul(
+                            poses[at], self._anchor(near), transforms.inverse(self._anchor(far))
+                        )
                         poses[far.instance] = T
                         open_.append(far.instance)
         return {name: T for name, T in poses.items() if self._body(name) in self.world.cell.bodies}
@@ -176,7 +189,8 @@ class CollisionOfContacts:
         for restriction in self.model.restrictions:
             for bound in template_bindings(self.model, restriction.contact, change):
                 applies = restriction.during is None or any(
-                    next(template_bindings(self.model, restriction.during, contact, bound), None) is not None
+                    next(template_bindings(self.model, restriction.during, contact, bound), None)
+                    is not None
                     for contact in contacts
                 )
                 if restriction.kind is ConditionKind.JOINT and applies:
@@ -186,7 +200,11 @@ class CollisionOfContacts:
     def _standing(self, instance: str, settings: Mapping[str, str]) -> Floats:
         T = self.world.pose(WORLD_FRAME, self._body(instance))
         joint = next(
-            (permanent for permanent in self.model.permanent.values() if self._moves(permanent, instance)),
+            (
+                permanent
+                for permanent in self.model.permanent.values()
+                if self._moves(permanent, instance)
+            ),
             None,
         )
         if joint is None or not settings[joint.name]:

@@ -1,8 +1,8 @@
 """MuJoCo (Apache licence) as a geometry backend; an extra: `pip install cellwright[mujoco]`.
 
-Carriers are bodies, joints are hinges and slides, pieces are geoms; only the scene's pairs are compared.
-Blocks become convex meshes, because MuJoCo's own collider for a capsule and a block misses a capsule that
-pierces a thin block, and reports the depth of one end only.
+Carriers are bodies, joints are hinges and slides, pieces are geoms; only the scene's pairs are
+compared. Blocks become convex meshes, because MuJoCo's own collider for a capsule and a block
+misses a capsule that pierces a thin block, and reports the depth of one end only.
 """
 
 import mujoco
@@ -28,7 +28,9 @@ class MujocoChecker:
         self._state = mujoco.MjData(self._model)
         # geoms are numbered in the order of their bodies, pieces in the order of the scene
         geom = mujoco.mjtObj.mjOBJ_GEOM
-        self._geoms = [mujoco.mj_name2id(self._model, geom, f"piece_{n}") for n in range(len(scene.pieces))]
+        self._geoms = [
+            mujoco.mj_name2id(self._model, geom, f"piece_{n}") for n in range(len(scene.pieces))
+        ]
 
     @property
     def scene(self) -> CollisionScene:
@@ -48,7 +50,9 @@ class MujocoChecker:
         """The least signed distance (n,), in metres; `beyond_m` where it would be larger."""
         where, endless = split_batch(self._scene, where)
         least = [
-            min([beyond_m, *(contact.distance_m for contact in self._near(configuration, beyond_m))])
+            min(
+                [beyond_m, *(contact.distance_m for contact in self._near(configuration, beyond_m))]
+            )
             for configuration in where
         ]
         return np.where(endless, -np.inf, np.array(least))
@@ -60,7 +64,9 @@ class MujocoChecker:
     def _place(self, configuration: Floats) -> None:
         if self._scene.free:
             self._state.qpos[:3] = configuration[:3, 3]
-            mujoco.mju_mat2Quat(self._state.qpos[3:7], np.ascontiguousarray(configuration[:3, :3]).ravel())
+            mujoco.mju_mat2Quat(
+                self._state.qpos[3:7], np.ascontiguousarray(configuration[:3, :3]).ravel()
+            )
         else:
             self._state.qpos[:] = configuration
         mujoco.mj_kinematics(self._model, self._state)
@@ -77,7 +83,9 @@ class MujocoChecker:
                 first, second = ends[:3].copy(), ends[3:].copy()
                 gap = second - first
                 length = float(np.linalg.norm(gap))
-                normal = gap / length * np.sign(distance) if length > 0 else np.array([0.0, 0.0, 1.0])
+                normal = (
+                    gap / length * np.sign(distance) if length > 0 else np.array([0.0, 0.0, 1.0])
+                )
                 contacts.append(
                     Contact(pieces[i].body, pieces[j].body, float(distance), first, second, normal)
                 )
@@ -118,16 +126,25 @@ def _mujoco_quaternion(T: Floats) -> Floats:
 
 
 def _add_geom(
-    spec: "mujoco.MjSpec", body: "mujoco.MjsBody", piece: ConvexPiece, name: str, native_blocks: bool
+    spec: "mujoco.MjSpec",
+    body: "mujoco.MjsBody",
+    piece: ConvexPiece,
+    name: str,
+    native_blocks: bool,
 ) -> None:
     """Raises `ValueError` for a rounded polytope."""
     refuse_rounded(piece, "MuJoCo")
     T = primitive_frame(piece)
-    geom = body.add_geom(name=name, pos=T[:3, 3], quat=_mujoco_quaternion(T), contype=0, conaffinity=0)
+    geom = body.add_geom(
+        name=name, pos=T[:3, 3], quat=_mujoco_quaternion(T), contype=0, conaffinity=0
+    )
     if len(piece.vertices) == 1:
         geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [piece.radius_m, 0, 0]
     elif len(piece.vertices) == 2:
-        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CAPSULE, [piece.radius_m, length_of(piece) / 2, 0]
+        geom.type, geom.size = (
+            mujoco.mjtGeom.mjGEOM_CAPSULE,
+            [piece.radius_m, length_of(piece) / 2, 0],
+        )
     elif piece.box and native_blocks:
         geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, np.ptp(piece.vertices, axis=0) / 2
     else:
@@ -145,7 +162,10 @@ class MujocoBackend:
         self._native_blocks = native_blocks
 
     def checker(self, scene: CollisionScene) -> MujocoChecker:
-        """A checker with a compiled model of the scene. Raises `ValueError` for a rounded polytope."""
+        """A checker with a compiled model of the scene.
+
+        Raises `ValueError` for a rounded polytope.
+        """
         return MujocoChecker(scene, self._native_blocks)
 
     def checker_of_few(self, scene: CollisionScene) -> MujocoChecker:

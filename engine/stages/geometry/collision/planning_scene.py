@@ -1,7 +1,8 @@
 """The planning scene: any checker, with lines checked whole, proofs, changes and swept boxes.
 
-A pair is the same if both pieces have the same shape, at the same place of the same carrier, whatever their names are. So a
-body that was put elsewhere, taken into a hand, or given leave to touch makes new pairs, and all others stay what they were.
+A pair is the same if both pieces have the same shape, at the same place of the same carrier,
+whatever their names are. So a body that was put elsewhere, taken into a hand, or given leave to
+touch makes new pairs, and all others stay what they were.
 """
 
 import math
@@ -51,14 +52,19 @@ def _of_pairs(scene: CollisionScene, pieces: list[ConvexPiece], pairs: Longs) ->
     used_pieces = tuple(pieces[n] for n in used)
     bodies = tuple(dict.fromkeys(piece.body for piece in used_pieces))
     return CollisionScene(
-        scene.joints, used_pieces, np.ascontiguousarray(own.reshape(-1, 2).astype(np.int64)), bodies=bodies
+        scene.joints,
+        used_pieces,
+        np.ascontiguousarray(own.reshape(-1, 2).astype(np.int64)),
+        bodies=bodies,
     )
 
 
 def _number_pieces(
     pieces: tuple[ConvexPiece, ...], numbers: dict[Hashable, int], distinct: list[ConvexPiece]
 ) -> Longs:
-    """The number of each piece (n,): that of the same piece, if it was seen before, else a new one."""
+    """The number of each piece (n,): that of the same piece, if it was seen before, else a new
+    one.
+    """
     piece_numbers = np.zeros(len(pieces), dtype=np.int64)
     for n, piece in enumerate(pieces):
         key = _piece_identity(piece)
@@ -77,31 +83,41 @@ def _piece_identity(piece: ConvexPiece) -> Hashable:
 def _same_joints(first: CollisionScene, second: CollisionScene) -> bool:
     """Whether two scenes have the same joints, with the same limits."""
     names = [field.name for field in fields(first.joints)]
-    return all(np.array_equal(getattr(first.joints, name), getattr(second.joints, name)) for name in names)
+    return all(
+        np.array_equal(getattr(first.joints, name), getattr(second.joints, name)) for name in names
+    )
 
 
 HAND_COVER = "the box around the hand"
 COVER_SAMPLES = (
-    33  # places between start and goal at which the box is measured; it grows by what moves in between
+    # places between start and goal at which the box is measured; it grows by what moves in between
+    33
 )
 UNIT_BOX_CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 
 
-def cover_hand(scene: CollisionScene, wrist: Sequence[int], start: Floats, goal: Floats) -> CollisionScene:
+def cover_hand(
+    scene: CollisionScene, wrist: Sequence[int], start: Floats, goal: Floats
+) -> CollisionScene:
     """The scene with a box for all that the joints `wrist` carry.
 
-    The box stands on what the first of these joints stands on, and covers their values between two configurations (k,). It is
-    checked against all bodies that anything in it was checked against. What is in it is not checked against one another.
+    The box stands on what the first of these joints stands on, and covers their values between two
+    configurations (k,). It is checked against all bodies that anything in it was checked against.
+    What is in it is not checked against one another.
     """
     below = int(scene.joints.parent[wrist[0]])
-    inside = np.array([_hangs_on(scene.joints, piece.carrier, wrist) for piece in scene.pieces], dtype=bool)
+    inside = np.array(
+        [_hangs_on(scene.joints, piece.carrier, wrist) for piece in scene.pieces], dtype=bool
+    )
     low, high = _box_extent(scene, inside, below, wrist, start, goal)
     at = transforms.translation(*((low + high) / 2))
     box = ConvexPiece(HAND_COVER, below, at, UNIT_BOX_CORNERS * (high - low), 0.0, box=True)
     remaining = np.nonzero(~inside)[0]
     pieces = (*(scene.pieces[n] for n in remaining), box)
     pairs = _pairs_with_box(scene, inside, below)
-    return replace(scene, pieces=pieces, pairs=pairs, bodies=tuple(dict.fromkeys(p.body for p in pieces)))
+    return replace(
+        scene, pieces=pieces, pairs=pairs, bodies=tuple(dict.fromkeys(p.body for p in pieces))
+    )
 
 
 def _hangs_on(joints: Joints, carrier: int, wrist: Sequence[int]) -> bool:
@@ -113,7 +129,12 @@ def _hangs_on(joints: Joints, carrier: int, wrist: Sequence[int]) -> bool:
 
 
 def _box_extent(
-    scene: CollisionScene, inside: Truths, below: int, wrist: Sequence[int], start: Floats, goal: Floats
+    scene: CollisionScene,
+    inside: Truths,
+    below: int,
+    wrist: Sequence[int],
+    start: Floats,
+    goal: Floats,
 ) -> tuple[Floats, Floats]:
     """The least and the greatest corner (3,) of what is inside, in the frame of carrier `below`."""
     share = np.linspace(0.0, 1.0, COVER_SAMPLES)[:, None]
@@ -144,7 +165,9 @@ def _max_stray(
     turned: Floats,
     radius_m: float,
 ) -> float:
-    """How far a piece can be from the nearest of the samples: half a step of each joint, times the distance from its origin."""
+    """How far a piece can be from the nearest of the samples: half a step of each joint, times
+    the distance from its origin.
+    """
     total = 0.0
     for joint, half in zip(wrist, turned, strict=True):
         if joints.prismatic[joint]:
@@ -175,7 +198,10 @@ ON_AXIS_M = 1e-10  # a point that is nearer to an axis lies on it
 
 
 class PlanningScene:
-    """A checker, with what planners of motions ask beside. Raises `ValueError` for a free scene, which has no joints."""
+    """A checker, with what planners of motions ask beside.
+
+    Raises `ValueError` for a free scene, which has no joints.
+    """
 
     def __init__(self, checker: CollisionChecker) -> None:
         if checker.scene.free:
@@ -209,7 +235,9 @@ class PlanningScene:
         return self.checker.contacts(where, within_m)
 
     def lines(self, step: float, margin_m: float = 0.0) -> Edges:
-        """Lines checked by compiled kernels, where the checker has them, else by the checker, from Python."""
+        """Lines checked by compiled kernels, where the checker has them, else by the checker,
+        from Python.
+        """
         scene = self._packed(margin_m)
         if isinstance(self.checker, BuiltinChecker):
             return Edges(scene, step, margin_m)
@@ -229,13 +257,16 @@ class PlanningScene:
         return Proof(self._packed(margin_m), self._reach, margin_m, finest_m)
 
     def covered(self, wrist: Sequence[int], start: Floats, goal: Floats) -> "PlanningScene":
-        """The ground where one box stands for all that the joints `wrist` carry between two configurations (k,)."""
+        """The ground where one box stands for all that the joints `wrist` carry between two
+        configurations (k,).
+        """
         return PlanningScene(BuiltinChecker(cover_hand(self.scene, wrist, start, goal)))
 
     def changing(self, moving: Collection[int]) -> tuple[frozenset[int], ...]:
         """For each pair of the scene, which of the moving joints change how far apart it is.
 
-        None are told of a pair that is moved from both sides. A joint does not count if one piece is round about its axis.
+        None are told of a pair that is moved from both sides. A joint does not count if one piece
+        is round about its axis.
         """
         scene = self.scene
         movers: list[frozenset[int]] = [frozenset()]
@@ -247,7 +278,9 @@ class PlanningScene:
             first_movers, second_movers = (movers[scene.pieces[n].carrier] for n in (i, j))
             nested = first_movers <= second_movers or second_movers <= first_movers
             movers_of_pairs.append(
-                (first_movers ^ second_movers) - round_about[i] - round_about[j] if nested else frozenset()
+                (first_movers ^ second_movers) - round_about[i] - round_about[j]
+                if nested
+                else frozenset()
             )
         return tuple(movers_of_pairs)
 
@@ -263,12 +296,16 @@ class PlanningScene:
         )
 
     def changed_since(self, before: MotionScene) -> "PlanningScene | None":
-        """The ground of the pairs that only this or another one has; None if their joints differ."""
+        """The ground of the pairs that only this or another one has; None if their joints
+        differ.
+        """
         difference = differing_pairs(before.scene, self.scene)
         return None if difference is None else PlanningScene(BuiltinChecker(difference))
 
     def travel(self, first: Floats, second: Floats) -> float:
-        """A bound on the way (m) of every point that moves on the straight line between two configurations (k,)."""
+        """A bound on the way (m) of every point that moves on the straight line between two
+        configurations (k,).
+        """
         return float(self.travels((second - first)[None])[0])
 
     def travels(self, ways: Floats) -> Floats:
@@ -318,7 +355,9 @@ def joint_travels(joints: Joints) -> Floats:
 
 
 def _joints_without_effect(scene: CollisionScene, piece: ConvexPiece) -> frozenset[int]:
-    """The joints, at its own carrier and at those behind it, about whose axes a piece is round: they do not move it if they turn."""
+    """The joints, at its own carrier and at those behind it, about whose axes a piece is round:
+    they do not move it if they turn.
+    """
     joints, ineffective = scene.joints, set()
     points = matmul(piece.vertices, piece.T_carrier_piece[:3, :3].T) + piece.T_carrier_piece[:3, 3]
     for joint in range(joints.count):
@@ -343,7 +382,9 @@ class SweptBoxes:
         own = tuple(piece for piece in world_pieces(world) if piece.body in own_bodies)
         names = tuple(dict.fromkeys(piece.body for piece in own))
         self._ground = PlanningScene(
-            BuiltinChecker(CollisionScene(world.joints, own, np.zeros((0, 2), dtype=np.int64), False, names))
+            BuiltinChecker(
+                CollisionScene(world.joints, own, np.zeros((0, 2), dtype=np.int64), False, names)
+            )
         )
         middles = [(piece.vertices.min(axis=0) + piece.vertices.max(axis=0)) / 2 for piece in own]
         self._radius = np.array(
@@ -361,7 +402,9 @@ class SweptBoxes:
         self._carrier = np.array([piece.carrier for piece in own], dtype=np.int64)
 
     def boxes(self, path: Floats) -> Floats:
-        """For each carrier the box (n, 6: least x, y, z, then greatest) around its bodies on a path (m, all joints)."""
+        """For each carrier the box (n, 6: least x, y, z, then greatest) around its bodies on a
+        path (m, all joints).
+        """
         where, half = self._looks(path)
         poses = pose_batch(self._ground.scene, where)
         boxes = []
@@ -371,12 +414,16 @@ class SweptBoxes:
             centres = matmul(self._centre[on], R.transpose(0, 2, 1)) + t[:, None]
             around = self._radius[on][None, :, None] + half[:, None, None]
             boxes.append(
-                np.concatenate([(centres - around).min(axis=(0, 1)), (centres + around).max(axis=(0, 1))])
+                np.concatenate(
+                    [(centres - around).min(axis=(0, 1)), (centres + around).max(axis=(0, 1))]
+                )
             )
         return np.array(boxes).reshape(-1, 6)
 
     def _looks(self, path: Floats) -> tuple[Floats, Floats]:
-        """Configurations (n, all joints), and how far (m) anything moves on the stretch around each of them (n,)."""
+        """Configurations (n, all joints), and how far (m) anything moves on the stretch around
+        each of them (n,).
+        """
         if len(path) == 1:
             return path, np.zeros(1)
         ways, where, half = np.diff(path, axis=0), [], []
@@ -389,7 +436,9 @@ class SweptBoxes:
 
 
 def common_boxes(first: Floats, second: Floats) -> Floats:
-    """The boxes (m, 6) that boxes (n, 6) and others (k, 6) have in common; none if they keep apart."""
+    """The boxes (m, 6) that boxes (n, 6) and others (k, 6) have in common; none if they keep
+    apart.
+    """
     low = np.maximum(first[:, None, :3], second[None, :, :3]).reshape(-1, 3)
     high = np.minimum(first[:, None, 3:], second[None, :, 3:]).reshape(-1, 3)
     both: Floats = np.concatenate([low, high], axis=1)

@@ -10,7 +10,9 @@ from cellwright.engine.stages.geometry.shapes.hulls import FlatError, hull_plane
 
 
 def signed_distance(first: Floats, second: Floats) -> float:
-    """The distance of the hulls of points (n, 3) and (m, 3), or minus the least move that separates them."""
+    """The distance of the hulls of points (n, 3) and (m, 3), or minus the least move that
+    separates them.
+    """
     difference = (first[:, None, :] - second[None, :, :]).reshape(-1, 3)
     try:
         triangles = hull_triangles(difference)
@@ -33,8 +35,8 @@ def _flat_distance(points: Floats) -> float:
 
 
 def _triangle_distance(corners: Floats) -> float:
-    """The distance of the origin from a triangle: its height if it projects into the triangle, else the
-    distance from the nearest edge.
+    """The distance of the origin from a triangle: its height if it projects into the triangle, else
+    the distance from the nearest edge.
     """
     a, b, c = corners
     normal = np.cross(b - a, c - a)

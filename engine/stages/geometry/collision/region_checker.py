@@ -36,7 +36,9 @@ MIN_SETTLED_SHARE = 0.03  # of the poses that are left
 
 
 def touchable_pairs(scene: CollisionScene, pieces: Pieces, within_m: float = 0.0) -> Truths:
-    """Which pairs (m,) come within a distance of each other in some configuration, as far as their reach tells."""
+    """Which pairs (m,) come within a distance of each other in some configuration, as far as
+    their reach tells.
+    """
     if scene.free or not len(scene.pairs):
         return np.ones(len(scene.pairs), dtype=bool)
     anchors, reach = _carrier_reaches(scene.joints)
@@ -57,7 +59,11 @@ def reachable_pieces(scene: CollisionScene, moving: Pieces, standing: Pieces) ->
     if scene.free:
         return np.ones(standing.count, dtype=bool)
     anchors, reach = _carrier_reaches(scene.joints)
-    far = reach[moving.carrier] + np.linalg.norm(moving.bounds[:, :3], axis=1) + moving.bounds[:, BALL]
+    far = (
+        reach[moving.carrier]
+        + np.linalg.norm(moving.bounds[:, :3], axis=1)
+        + moving.bounds[:, BALL]
+    )
     within_reach = np.zeros(standing.count, dtype=bool)
     for carrier in sorted(set(moving.carrier.tolist())):
         around = np.broadcast_to(anchors[carrier], (standing.count, 3))
@@ -66,10 +72,16 @@ def reachable_pieces(scene: CollisionScene, moving: Pieces, standing: Pieces) ->
 
 
 def _carrier_reaches(joints: Joints) -> tuple[Floats, Floats]:
-    """For each carrier (k + 1,) the point about which the first of its joints turns, and how far its origin gets from it."""
+    """For each carrier (k + 1,) the point about which the first of its joints turns, and how
+    far its origin gets from it.
+    """
     anchors, reach = np.zeros((joints.count + 1, 3)), np.zeros(joints.count + 1)
     for index, parent in enumerate(joints.parent):
-        travel = max(abs(joints.lower[index]), abs(joints.upper[index])) if joints.prismatic[index] else 0.0
+        travel = (
+            max(abs(joints.lower[index]), abs(joints.upper[index]))
+            if joints.prismatic[index]
+            else 0.0
+        )
         step = joints.T_parent_origin[index, :3, 3]
         anchors[index + 1] = anchors[parent] if parent else step
         reach[index + 1] = reach[parent] + travel + (float(np.linalg.norm(step)) if parent else 0.0)
@@ -77,19 +89,27 @@ def _carrier_reaches(joints: Joints) -> tuple[Floats, Floats]:
 
 
 def _block_gap(bounds: Floats, points: Floats) -> Floats:
-    """How far points (n, 3) are from the blocks of bounds (n, 18) in the world, less the pieces' radii."""
+    """How far points (n, 3) are from the blocks of bounds (n, 18) in the world, less the
+    pieces' radii.
+    """
     axes = bounds[:, AXES:HALF].reshape(-1, 3, 3)
     along = np.abs(np.einsum("nij,nj->ni", axes, points - bounds[:, :3]))
-    gap: Floats = np.linalg.norm((along - bounds[:, HALF:RADIUS]).clip(min=0.0), axis=1) - bounds[:, RADIUS]
+    gap: Floats = (
+        np.linalg.norm((along - bounds[:, HALF:RADIUS]).clip(min=0.0), axis=1) - bounds[:, RADIUS]
+    )
     return gap
 
 
 def sample_configurations(joints: Joints) -> Floats:
-    """Configurations (n, k) within the limits, of unlimited joints within a half-turn or a metre."""
+    """Configurations (n, k) within the limits, of unlimited joints within a half-turn or a
+    metre.
+    """
     span = np.where(joints.prismatic, 1.0, math.pi)
     low = np.where(np.isfinite(joints.lower), joints.lower, -span)
     high = np.where(np.isfinite(joints.upper), joints.upper, span)
-    configurations: Floats = np.random.default_rng(0).uniform(low, high, (POSE_SAMPLES, joints.count))
+    configurations: Floats = np.random.default_rng(0).uniform(
+        low, high, (POSE_SAMPLES, joints.count)
+    )
     return configurations
 
 
@@ -104,10 +124,12 @@ def sort_by_likelihood(poses: Floats, pieces: Pieces, pairs: Pairs) -> Pairs:
 
 
 def decisive_pairs(hits: Longs) -> Longs:
-    """Few pairs (k, 2) of which one touches in as many poses as possible, the best first; at most `MOST_TRIED`.
+    """Few pairs (k, 2) of which one touches in as many poses as possible, the best first; at most
+    `MOST_TRIED`.
 
-    `hits` (m, 3) are a pose and two numbers of a pair each. A pair is worth a try in every pose if it settles a share `WORTH` of
-    the poses that those before it leave open; poses in which nothing touches never count as settled.
+    `hits` (m, 3) are a pose and two numbers of a pair each. A pair is worth a try in every pose if
+    it settles a share `WORTH` of the poses that those before it leave open; poses in which nothing
+    touches never count as settled.
     """
     pairs, pair_number = np.unique(hits[:, 1:], axis=0, return_inverse=True)
     pair_number, pose, decisive = pair_number.reshape(-1), hits[:, 0], list[int]()
@@ -126,13 +148,18 @@ def decisive_pairs(hits: Longs) -> Longs:
 
 
 NO_HITS_YET = np.full((4, 2), -1, dtype=np.int64)  # places for what has just touched
-FEW_STANDING = 40  # standing pieces within reach: pairs of so few are compared in less time than a walk takes
+# standing pieces within reach: pairs of so few are compared in less time than a walk takes
+FEW_STANDING = 40
 AT_FIRST = 100_000  # hits that there is room for without a second look
 
 
 def tree_of_scene(scene: CollisionScene) -> RegionTree:
-    """What stands in a scene: a region for each body, with boxes inside it when it is made of many pieces."""
-    standing = sorted((piece for piece in scene.pieces if piece.carrier == 0), key=lambda piece: piece.body)
+    """What stands in a scene: a region for each body, with boxes inside it when it is made of
+    many pieces.
+    """
+    standing = sorted(
+        (piece for piece in scene.pieces if piece.carrier == 0), key=lambda piece: piece.body
+    )
     bodies = groupby(standing, key=lambda piece: piece.body)
     regions = [region for body, pieces in bodies for region in nested_boxes(body, list(pieces))]
     return RegionTree.of([]).attached(regions, nested=True)
@@ -151,10 +178,14 @@ class RegionChecker:
         self._near = self._reachable()
 
     def _reachable(self) -> tuple[Pieces, Hierarchy, Truths]:
-        """The standing pieces that something can touch, the boxes over them, and which each asking piece may touch."""
+        """The standing pieces that something can touch, the boxes over them, and which each
+        asking piece may touch.
+        """
         use = np.zeros(self.tree.pieces.count, dtype=bool)
         use[list(self.tree.index.numbers.values())] = True
-        use &= reachable_pieces(self._scene, self._pieces, self.tree.pieces) & ~self._skip.all(axis=0)
+        use &= reachable_pieces(self._scene, self._pieces, self.tree.pieces) & ~self._skip.all(
+            axis=0
+        )
         numbers = np.nonzero(use)[0]
         self._near_numbers = frozenset(numbers.tolist())
         near = select_pieces(self.tree.pieces, numbers)
@@ -162,7 +193,9 @@ class RegionChecker:
 
     @cached_property
     def _likely(self) -> Longs:
-        """What is tried first in a large batch; before one it is worth finding out what touches most often."""
+        """What is tried first in a large batch; before one it is worth finding out what touches
+        most often.
+        """
         from cellwright.engine.kernels.geometry.sampling import all_hits
 
         standing, hierarchy, skip = self._near
@@ -177,19 +210,25 @@ class RegionChecker:
 
     @cached_property
     def _pairwise(self) -> tuple[Pieces, Pairs] | None:
-        """The pieces and the pairs that can touch, the likeliest first; None if more than a few standing pieces are in reach."""
+        """The pieces and the pairs that can touch, the likeliest first; None if more than a few
+        standing pieces are in reach.
+        """
         standing, numbers = self._near[0], self._near_numbers
         if standing.count > FEW_STANDING or self._scene.free:
             return None
         near = {
-            self.tree.regions[name].piece.body for name, n in self.tree.index.numbers.items() if n in numbers
+            self.tree.regions[name].piece.body
+            for name, n in self.tree.index.numbers.items()
+            if n in numbers
         }
         in_question = np.array(
             [piece.carrier != 0 or piece.body in near for piece in self._scene.pieces], dtype=bool
         )
         pairs = self._scene.pairs.reshape(-1, 2)
         pairs = (np.cumsum(in_question) - 1)[pairs[in_question[pairs].all(axis=1)]]
-        pieces = tuple(piece for piece, use in zip(self._scene.pieces, in_question, strict=True) if use)
+        pieces = tuple(
+            piece for piece, use in zip(self._scene.pieces, in_question, strict=True) if use
+        )
         scene = replace(self._scene, pieces=pieces, pairs=pairs)
         packed, bound_of = pack_with_bounds(scene)
         touching = group_pairs(pairs, bound_of, touchable_pairs(scene, packed))
@@ -228,7 +267,9 @@ class RegionChecker:
         first = np.empty(len(where), dtype=np.int64)
 
         def look(begin: int, end: int) -> None:
-            first_contacts(checked_poses(self._scene, where[begin:end]), pieces, pairs, first[begin:end])
+            first_contacts(
+                checked_poses(self._scene, where[begin:end]), pieces, pairs, first[begin:end]
+            )
 
         run_in_stretches(len(where), look)
         touching: Truths = first >= 0
@@ -244,7 +285,9 @@ class RegionChecker:
 
         def look(first: int, after: int) -> None:
             poses, out = pose_batch(self._scene, where[first:after]), clearances[first:after]
-            nearest_hits(poses, self._pieces, pieces, hierarchy, self._pairs, self._skip, beyond, out)
+            nearest_hits(
+                poses, self._pieces, pieces, hierarchy, self._pairs, self._skip, beyond, out
+            )
 
         run_in_stretches(len(where), look)
         clearances[endless] = -np.inf
@@ -257,7 +300,9 @@ class RegionChecker:
         for piece in self._asking:
             T = np.vstack([poses[0, piece.carrier], [0.0, 0.0, 0.0, 1.0]])
             near = self.tree.contacts([piece], T, within_m)
-            contacts += [contact for contact in near if frozenset((contact.first, contact.second)) in checked]
+            contacts += [
+                contact for contact in near if frozenset((contact.first, contact.second)) in checked
+            ]
         return nearest_of_bodies(contacts)
 
     def _among_moving(self, poses: Floats, within_m: float) -> list[Contact]:
@@ -291,12 +336,18 @@ class RegionChecker:
 
     def _skipped(self) -> Truths:
         """Which standing pieces each asking piece may touch (asking, standing)."""
-        column = {body: n for n, body in enumerate(dict.fromkeys(piece.body for piece in self._scene.pieces))}
+        column = {
+            body: n
+            for n, body in enumerate(dict.fromkeys(piece.body for piece in self._scene.pieces))
+        }
         body = np.array([column[piece.body] for piece in self._scene.pieces], dtype=np.int64)
-        asking, rows = np.unique([column[piece.body] for piece in self._asking], return_inverse=True)
+        asking, rows = np.unique(
+            [column[piece.body] for piece in self._asking], return_inverse=True
+        )
         row = np.full(len(column), -1)
         row[asking.astype(np.int64)] = np.arange(len(asking))
-        may = np.ones((len(asking), len(column) + 1), dtype=bool)  # last: bodies that the scene does not have
+        # last: bodies that the scene does not have
+        may = np.ones((len(asking), len(column) + 1), dtype=bool)
         i, j = body[self._scene.pairs.reshape(-1, 2)].T
         for first, second in ((i, j), (j, i)):
             may[row[first[row[first] >= 0]], second[row[first] >= 0]] = False

@@ -1,1 +1,3 @@
-"""Kinematics of arms: where a configuration puts the flange, and which configurations reach a pose."""
+"""Kinematics of arms: where a configuration puts the flange, and which configurations reach a
+pose.
+"""

@@ -20,9 +20,9 @@ def joints_of(arm: Arm) -> Joints:
     axes = np.array([joint.axis for joint in arm.joints], dtype=float).reshape(k, 3)
     return Joints(
         parent=np.arange(k),
-        T_parent_origin=np.array([transforms.of_offsets(joint.origin) for joint in arm.joints]).reshape(
-            k, 4, 4
-        ),
+        T_parent_origin=np.array(
+            [transforms.of_offsets(joint.origin) for joint in arm.joints]
+        ).reshape(k, 4, 4),
         axis=axes / np.linalg.norm(axes, axis=1, keepdims=True),
         prismatic=np.array([joint.kind is JointKind.PRISMATIC for joint in arm.joints], dtype=bool),
         lower=np.array([joint.lower for joint in arm.joints], dtype=float),
@@ -76,12 +76,15 @@ class ArmModel:
     def flange_pose(self, q: Floats) -> Floats:
         """T_base_flange: q (..., k) gives (..., 4, 4)."""
         pose: Floats = matmul(
-            carrier_poses(self.joints, np.asarray(q, dtype=float))[..., -1, :, :], self.T_last_flange
+            carrier_poses(self.joints, np.asarray(q, dtype=float))[..., -1, :, :],
+            self.T_last_flange,
         )
         return pose
 
     def jacobian(self, q: Floats) -> Floats:
-        """Velocity of the flange's origin (m), then angular velocity (rad): (..., k) gives (..., 6, k)."""
+        """Velocity of the flange's origin (m), then angular velocity (rad): (..., k) gives
+        (..., 6, k).
+        """
         q = np.asarray(q, dtype=float)
         poses = carrier_poses(self.joints, q)
         origin = (matmul(poses[..., -1, :, :], self.T_last_flange))[..., :3, 3]
@@ -95,7 +98,8 @@ class ArmModel:
         return np.stack(columns, axis=-1)
 
     def within_limits(self, q: Floats, tolerance: float = 1e-9) -> Truths:
-        """Whether each configuration (..., k) is within the joint limits; one that is no number is not.
+        """Whether each configuration (..., k) is within the joint limits; one that is no number is
+        not.
 
         Raises `ValueError` for another number of joint values.
         """
@@ -106,7 +110,9 @@ class ArmModel:
 
     def within_limits_of(self, joint: int, value: float, tolerance: float = 1e-9) -> bool:
         """Whether a value of one joint is within its limits."""
-        return bool(self.joints.lower[joint] - tolerance <= value <= self.joints.upper[joint] + tolerance)
+        return bool(
+            self.joints.lower[joint] - tolerance <= value <= self.joints.upper[joint] + tolerance
+        )
 
     def random(self, count: int, rng: "np.random.Generator") -> Floats:
         """Configurations (count, k), drawn uniformly within the limits.
@@ -124,7 +130,9 @@ def wrap_angles(angles: Floats) -> Floats:
 
 
 def whole_turns(model: ArmModel, q: Floats) -> Floats:
-    """Every configuration within the joint limits that differs from q (k,) by whole turns alone (m, k)."""
+    """Every configuration within the joint limits that differs from q (k,) by whole turns alone
+    (m, k).
+    """
     choices = []
     for index, value in enumerate(q):
         shifts = [0.0] if model.joints.prismatic[index] else [-2 * np.pi, 0.0, 2 * np.pi]
@@ -134,7 +142,8 @@ def whole_turns(model: ArmModel, q: Floats) -> Floats:
 
 
 def reachable_nearest_turns(model: ArmModel, q: Floats, now: Floats) -> Floats:
-    """Configurations (m, k) within the limits: those of `q` (n, k), turned by whole turns to be nearest to `now` (k,).
+    """Configurations (m, k) within the limits: those of `q` (n, k), turned by whole turns to be
+    nearest to `now` (k,).
 
     Those that no turn brings within the limits are left out.
     """
@@ -144,7 +153,9 @@ def reachable_nearest_turns(model: ArmModel, q: Floats, now: Floats) -> Floats:
 
 
 def nearest_by_whole_turns(model: ArmModel, q: Floats, now: Floats) -> tuple[Floats, Truths]:
-    """Configurations (..., k), turned by whole turns to be nearest to `now` within the limits, and which can be within them."""
+    """Configurations (..., k), turned by whole turns to be nearest to `now` within the limits,
+    and which can be within them.
+    """
     joints, turn = model.joints, 2 * math.pi
     whole = np.round((now - q) / turn)
     best, least = np.array(q), np.full(q.shape, np.inf)

@@ -12,7 +12,11 @@ from cellwright.engine.kernels.geometry import inverse
 from cellwright.engine.kernels.linear import matmul, norm, solve_positive_definite
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.core_threads import run_in_stretches
-from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel, carrier_poses, wrap_angles
+from cellwright.engine.stages.geometry.kinematics.arm_model import (
+    ArmModel,
+    carrier_poses,
+    wrap_angles,
+)
 
 NEAR_AXES = 1e-9  # metres, or sines: axes that miss each other by less meet, or are parallel
 PROBED_RAD = 0.7  # rad: a form must hold for this value of a joint, and for the negative one
@@ -29,7 +33,8 @@ class InverseSolver(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosedForm:
-    """Six axes at the zero configuration: directions (6, 3), a point on each (6, 3), and the point the last ones share.
+    """Six axes at the zero configuration: directions (6, 3), a point on each (6, 3), and the point
+    the last ones share.
 
     With `backwards` they are those from the hand to the base, and their angles come in that order.
     """
@@ -42,7 +47,9 @@ class ClosedForm:
 
 
 def closed_form_of(h: Floats, o: Floats) -> ClosedForm | None:
-    """The closed form of axes h (6, 3) through points o (6, 3), read from either end; None if they have none."""
+    """The closed form of axes h (6, 3) through points o (6, 3), read from either end; None if
+    they have none.
+    """
     form = _form_from_base(h, o)
     if form is None:
         form = _form_from_base(np.ascontiguousarray(-h[::-1]), np.ascontiguousarray(o[::-1]))
@@ -56,7 +63,9 @@ def _form_from_base(h: Floats, o: Floats) -> ClosedForm | None:
         return ClosedForm(InverseSolver.SPHERICAL_WRIST, h, o, wrist)
     shoulder = _common_point(h[:2], o[:2])
     if wrist is not None and shoulder is not None:
-        return ClosedForm(InverseSolver.INTERSECTING_AXES, h, np.array([shoulder, shoulder, *o[2:]]), wrist)
+        return ClosedForm(
+            InverseSolver.INTERSECTING_AXES, h, np.array([shoulder, shoulder, *o[2:]]), wrist
+        )
     hand = _common_point(h[4:], o[4:])
     if hand is not None and _axes_parallel(h[1], h[2]) and _axes_parallel(h[2], h[3]):
         return ClosedForm(InverseSolver.PARALLEL_AXES, h, o, hand)
@@ -64,9 +73,11 @@ def _form_from_base(h: Floats, o: Floats) -> ClosedForm | None:
 
 
 def joint_to_hold(h: Floats, o: Floats) -> int | None:
-    """The joint of seven that can be held so that the others have a closed form whatever its value; None if there is none.
+    """The joint of seven that can be held so that the others have a closed form whatever its value;
+    None if there is none.
 
-    Of several it is the third, with which the elbow turns about the line from shoulder to wrist, else the last one.
+    Of several it is the third, with which the elbow turns about the line from shoulder to wrist,
+    else the last one.
     """
     for joint in (2, 6, 5, 4, 3, 1, 0):
         if all(form is not None for form in _probed_forms(h, o, joint)):
@@ -79,10 +90,14 @@ def _probed_forms(h: Floats, o: Floats, joint: int) -> Iterator[ClosedForm | Non
         yield closed_form_of(*_without_joint(h, o, joint, value)[:2])
 
 
-def form_with_held_joint(h: Floats, o: Floats, joint: int, value: float) -> tuple[ClosedForm | None, Floats]:
-    """The form of seven axes with one joint held (None if there is none), and the matrix (4, 4) to put behind E.
+def form_with_held_joint(
+    h: Floats, o: Floats, joint: int, value: float
+) -> tuple[ClosedForm | None, Floats]:
+    """The form of seven axes with one joint held (None if there is none), and the matrix (4, 4) to
+    put behind E.
 
-    E = A M B, where M is what the held joint does; as M B = B' M with the axes behind it displaced by M, A B' = E M^-1.
+    E = A M B, where M is what the held joint does; as M B = B' M with the axes behind it displaced
+    by M, A B' = E M^-1.
     """
     directions, points, M = _without_joint(h, o, joint, value)
     return closed_form_of(directions, points), transforms.inverse(M)
@@ -119,14 +134,15 @@ RANDOM_STARTS = 48  # random configurations of one round
 QUIET_ROUNDS = 3  # rounds without a new branch after which a search ends
 MAX_SEARCH_ROUNDS = 24
 SAME_CONFIGURATION = 1e-6  # two configurations that differ by less are one
-REGULAR_JOINTS = 6  # with so many joints a pose has finitely many branches, except for singular ones
+# with so many joints a pose has finitely many branches, except for singular ones
+REGULAR_JOINTS = 6
 
 
 def search_branches(model: ArmModel, poses: Floats, seed: int) -> tuple[Floats, Truths]:
     """Branches (n, b, k) of poses (n, 4, 4), and which of them (n, b) reach.
 
-    Rounds of random starts go on for each pose until some find no new branch. An arm with more joints than a pose has
-    coordinates has a continuum of them: it gets one round.
+    Rounds of random starts go on for each pose until some find no new branch. An arm with more
+    joints than a pose has coordinates has a continuum of them: it gets one round.
     """
     rng, revolute = np.random.default_rng(seed), ~model.joints.prismatic
     n, k = len(poses), model.joints.count
@@ -137,10 +153,14 @@ def search_branches(model: ArmModel, poses: Floats, seed: int) -> tuple[Floats, 
         if not rows.size:
             break
         targets = np.repeat(poses[rows], RANDOM_STARTS, axis=0)
-        candidates = polish_configurations(model, targets, model.random(len(targets), rng), iterations=60)
+        candidates = polish_configurations(
+            model, targets, model.random(len(targets), rng), iterations=60
+        )
         valid = (pose_misses(model, targets, candidates) < EXACT_BRANCH).reshape(-1, RANDOM_STARTS)
         candidates[:, revolute] = wrap_angles(candidates[:, revolute])
-        for row, q, reached in zip(rows, candidates.reshape(-1, RANDOM_STARTS, k), valid, strict=True):
+        for row, q, reached in zip(
+            rows, candidates.reshape(-1, RANDOM_STARTS, k), valid, strict=True
+        ):
             quiet[row] += 1
             if _add_branches(branches_of_poses[row], q[reached], revolute):
                 quiet[row] = 0
@@ -164,7 +184,9 @@ def _add_branches(branches: list[Floats], more: Floats, revolute: Truths) -> boo
 
 
 def pose_error(model: ArmModel, T_base_flange: Floats, q: Floats) -> Floats:
-    """What is missing from q (n, k) to the poses (n, 4, 4): metres, then a rotation vector in the base frame (n, 6)."""
+    """What is missing from q (n, k) to the poses (n, 4, 4): metres, then a rotation vector in
+    the base frame (n, 6).
+    """
     reached = model.flange_pose(q)
     turn = matmul(T_base_flange[..., :3, :3], np.swapaxes(reached[..., :3, :3], -1, -2))
     step = T_base_flange[..., :3, 3] - reached[..., :3, 3]
@@ -179,8 +201,9 @@ def pose_misses(model: ArmModel, poses: Floats, q: Floats) -> Floats:
 def polish_configurations(model: ArmModel, poses: Floats, q: Floats, iterations: int = 8) -> Floats:
     """Configurations (n, k) nearer to their poses, by damped least squares.
 
-    The damping shrinks with the error, so that the last steps are Newton's (Levenberg 1944, Marquardt 1963;
-    Nakamura & Hanafusa 1986 for arms); a step that makes things worse is taken back and damped more.
+    The damping shrinks with the error, so that the last steps are Newton's (Levenberg 1944,
+    Marquardt 1963; Nakamura & Hanafusa 1986 for arms); a step that makes things worse is taken back
+    and damped more.
     """
     q, damping = q.copy(), np.full(len(q), 1e-4)
     error = pose_error(model, poses, q)
@@ -190,9 +213,9 @@ def polish_configurations(model: ArmModel, poses: Floats, q: Floats, iterations:
             break
         J = model.jacobian(q[open_])
         size = np.linalg.norm(error[open_], axis=-1)
-        system = matmul(np.swapaxes(J, -1, -2), J) + (damping[open_] * size**2)[:, None, None] * np.eye(
-            J.shape[-1]
-        )
+        system = matmul(np.swapaxes(J, -1, -2), J) + (damping[open_] * size**2)[
+            :, None, None
+        ] * np.eye(J.shape[-1])
         system += 1e-13 * np.eye(J.shape[-1])  # at a singularity nothing else keeps it regular
         step = solve_positive_definite(
             system, matmul(np.swapaxes(J, -1, -2), error[open_][..., None])[..., 0]
@@ -200,7 +223,9 @@ def polish_configurations(model: ArmModel, poses: Floats, q: Floats, iterations:
         tried = q[open_] + np.clip(step, -0.5, 0.5)
         after = pose_error(model, poses[open_], tried)
         better = np.linalg.norm(after, axis=-1) < size
-        damping[open_] = np.where(better, np.maximum(damping[open_] / 5, 1e-8), damping[open_] * 10 + 1e-3)
+        damping[open_] = np.where(
+            better, np.maximum(damping[open_] / 5, 1e-8), damping[open_] * 10 + 1e-3
+        )
         q[open_[better]], error[open_[better]] = tried[better], after[better]
     return q
 
@@ -253,14 +278,18 @@ class InverseKinematics:
         """How it is computed."""
         return self.form.solver if self.form else InverseSolver.ITERATIVE
 
-    def solve(self, T_base_flange: Floats, seed: int = 0, redundancy: Floats | None = None) -> Branches:
-        """All branches that reach each pose (n, 4, 4), within the joint limits or not (`within_limits` tells).
+    def solve(
+        self, T_base_flange: Floats, seed: int = 0, redundancy: Floats | None = None
+    ) -> Branches:
+        """All branches that reach each pose (n, 4, 4), within the joint limits or not
+        (`within_limits` tells).
 
-        At a singularity one member of the continuum is returned. An arm with a joint that can be held (`redundant`: its
-        number) has branches for each of the values `redundancy` (m,) of that joint, in rad: 16 between its limits when none
-        are given. Without a closed form the search starts from random configurations until it finds no more; a branch may
-        then be missed. What is no rigid pose, or no number at all, has no branches. Raises `ValueError` for arrays of other
-        shapes.
+        At a singularity one member of the continuum is returned. An arm with a joint that can be
+        held (`redundant`: its number) has branches for each of the values `redundancy` (m,) of that
+        joint, in rad: 16 between its limits when none are given. Without a closed form the search
+        starts from random configurations until it finds no more; a branch may then be missed. What
+        is no rigid pose, or no number at all, has no branches. Raises `ValueError` for arrays of
+        other shapes.
         """
         poses, rigid = _finite_poses(T_base_flange)
         if self.form is None:
@@ -282,7 +311,9 @@ class InverseKinematics:
         if redundancy is not None:
             values = np.atleast_1d(np.asarray(redundancy, dtype=float))
             if values.ndim != 1 or not np.isfinite(values).all():
-                raise ValueError(f"the values of a joint must be (m,), of finite numbers, not {values.shape}")
+                raise ValueError(
+                    f"the values of a joint must be (m,), of finite numbers, not {values.shape}"
+                )
             return values
         joints = self.model.joints
         low, high = max(float(joints.lower[joint]), -np.pi), min(float(joints.upper[joint]), np.pi)
@@ -294,7 +325,9 @@ class InverseKinematics:
             form, M = form_with_held_joint(self._h, self._o, joint, float(value))
             if form is None:  # two axes have become parallel, or meet
                 continue
-            q, residual = _closed_branches(form, np.ascontiguousarray(matmul(poses, self._T_flange_zero, M)))
+            q, residual = _closed_branches(
+                form, np.ascontiguousarray(matmul(poses, self._T_flange_zero, M))
+            )
             branches.append((np.insert(q, joint, value, axis=-1), residual))
         if not branches:
             return Branches(np.zeros((len(poses), 0, 7)), np.zeros((len(poses), 0), dtype=bool))
@@ -312,13 +345,17 @@ class InverseKinematics:
         return Branches(wrap_angles(q), residual < EXACT_BRANCH)
 
     def _closed(self, poses: Floats) -> tuple[Floats, Floats]:
-        """Configurations (n, 8, 6) and their residuals (n, 8), infinite where there is no solution."""
+        """Configurations (n, 8, 6) and their residuals (n, 8), infinite where there is no
+        solution.
+        """
         assert self.form is not None
         return _closed_branches(self.form, np.ascontiguousarray(matmul(poses, self._T_flange_zero)))
 
 
 def _finite_poses(T_base_flange: Floats) -> tuple[Floats, Truths | None]:
-    """The poses (n, 4, 4), the identity in the place of what is no number, and which are homogeneous matrices (n,); None: all."""
+    """The poses (n, 4, 4), the identity in the place of what is no number, and which are
+    homogeneous matrices (n,); None: all.
+    """
     poses = np.ascontiguousarray(T_base_flange, dtype=float)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise ValueError(f"poses must be (n, 4, 4), not {poses.shape}")
@@ -343,7 +380,9 @@ def _rigid_poses(poses: Floats, homogeneous: Truths | None) -> tuple[Floats, Tru
 
 
 def _closed_branches(form: ClosedForm, displaced: Floats) -> tuple[Floats, Floats]:
-    """Configurations (n, 8, 6) that displace the flange by E (n, 4, 4), and their residuals (n, 8)."""
+    """Configurations (n, 8, 6) that displace the flange by E (n, 4, 4), and their residuals (n,
+    8).
+    """
     if form.backwards:
         displaced = transforms.inverse(displaced)
     q, valid = np.zeros((len(displaced), 8, 6)), np.zeros((len(displaced), 8))
@@ -352,7 +391,9 @@ def _closed_branches(form: ClosedForm, displaced: Floats) -> tuple[Floats, Float
 
     def look(first: int, after: int) -> None:
         rows = slice(first, after)
-        batch = inverse.Batch(form.directions, form.points, centre, displaced[rows], q[rows], valid[rows])
+        batch = inverse.Batch(
+            form.directions, form.points, centre, displaced[rows], q[rows], valid[rows]
+        )
         solve(batch)
         inverse.residuals(batch, residual[rows])
 

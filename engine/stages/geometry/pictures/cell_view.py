@@ -23,9 +23,15 @@ from cellwright.engine.stages.geometry.pictures.picture_surfaces import (
     scene_surfaces,
     triangles_in_world,
 )
-from cellwright.engine.stages.geometry.reach.place_reachability import PlaceReachability, UnreachedPlace
+from cellwright.engine.stages.geometry.reach.place_reachability import (
+    PlaceReachability,
+    UnreachedPlace,
+)
 from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from cellwright.kb.loader.joint_values import read_configuration
 from cellwright.kb.model.cell_model import Cell
@@ -36,8 +42,8 @@ PICTURE_SIZE_PX = (960, 720)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellView:
-    """A world, the contacts in it, and the configurations (n, k) of all joints that the motion passes
-    through. The last configuration is that of the world.
+    """A world, the contacts in it, and the configurations (n, k) of all joints that the motion
+    passes through. The last configuration is that of the world.
     """
 
     world: GeometricWorld
@@ -52,11 +58,11 @@ def cell_view_of(
     place: str = "",
     facts: Collection[Atom] = (),
 ) -> CellView:
-    """The cell with each arm at the last configuration given for it, or where it reaches the given place,
-    else at rest.
+    """The cell with each arm at the last configuration given for it, or where it reaches the given
+    place, else at rest.
 
-    Bodies are where the facts put them, else where the file puts them. Raises `InvalidInput` for a file that
-    cannot be read, and for a place that is unknown or not reached.
+    Bodies are where the facts put them, else where the file puts them. Raises `InvalidInput` for a
+    file that cannot be read, and for a place that is unknown or not reached.
     """
     world = world_after_facts(GeometricWorld.of(cell), facts)
     passed = [world.configuration]
@@ -104,7 +110,9 @@ def view_as_png(view: CellView, azimuth_rad: float, elevation_rad: float) -> byt
 def view_as_svg(view: CellView, azimuth_rad: float, elevation_rad: float) -> str:
     """The picture as SVG."""
     camera, triangles, shown, notes = _camera_and_notes(view, azimuth_rad, elevation_rad)
-    return svg_picture.draw_svg(camera, triangles, colours_of(shown), piece_of_triangles(shown), notes)
+    return svg_picture.draw_svg(
+        camera, triangles, colours_of(shown), piece_of_triangles(shown), notes
+    )
 
 
 def _camera_and_notes(
@@ -114,12 +122,16 @@ def _camera_and_notes(
     shown = scene_surfaces(world, collision_scene_of(world), view.contacts)
     carriers = carrier_poses(world.joints, world.configuration)
     triangles = triangles_in_world(shown, carriers)
-    camera = camera_for_points(triangles.reshape(-1, 3), PICTURE_SIZE_PX, azimuth_rad, elevation_rad)
+    camera = camera_for_points(
+        triangles.reshape(-1, 3), PICTURE_SIZE_PX, azimuth_rad, elevation_rad
+    )
     return camera, triangles, shown, picture_notes_of(camera, shown, carriers, view.contacts)
 
 
 def view_as_gltf(view: CellView, step_s: float = 1.0) -> str:
-    """The scene as glTF. It moves from rest through every given configuration, one after each time step."""
+    """The scene as glTF. It moves from rest through every given configuration, one after each
+    time step.
+    """
     world, passed = view.world, view.configurations
     passed = passed if len(passed) > 1 else passed[-1:]
     times: Floats = np.arange(len(passed), dtype=float) * step_s
@@ -128,8 +140,8 @@ def view_as_gltf(view: CellView, step_s: float = 1.0) -> str:
 
 
 def view_content(view: CellView) -> dict[str, Any]:
-    """The arms, tools and contacts of a view, for JSON: joint values in rad and m, poses as position and
-    roll, pitch, yaw.
+    """The arms, tools and contacts of a view, for JSON: joint values in rad and m, poses as
+    position and roll, pitch, yaw.
     """
     return {
         "cell": view.world.cell.name,
@@ -167,7 +179,11 @@ def view_text(view: CellView) -> str:
             for value, slides in zip(arm["configuration"], prismatic, strict=True)
         ]
         x, y, z = arm["tool"]["position_m"]
-        lines.append(f"{name} at {', '.join(shown)} degrees, its tool at {x:.3f}, {y:.3f}, {z:.3f} m")
+        lines.append(
+            f"{name} at {', '.join(shown)} degrees, its tool at {x:.3f}, {y:.3f}, {z:.3f} m"
+        )
         lines += [f"{joint} of {name} is beyond its limits" for joint in arm["beyond_limits"]]
-    touching = [f"{c.first} and {c.second} overlap by {c.depth_m * 1000:.1f} mm" for c in view.contacts]
+    touching = [
+        f"{c.first} and {c.second} overlap by {c.depth_m * 1000:.1f} mm" for c in view.contacts
+    ]
     return "\n".join([*lines, *(touching or ["nothing is in collision"])])

@@ -50,9 +50,12 @@ class PictureLabel:
 
 
 def place_labels(
-    named: Sequence[tuple[str, tuple[float, float]]], size: tuple[int, int], taken: Sequence[Box] = ()
+    named: Sequence[tuple[str, tuple[float, float]]],
+    size: tuple[int, int],
+    taken: Sequence[Box] = (),
 ) -> list[PictureLabel]:
-    """A label for each name and its point, in a picture of this size; none lies on another or on what is `taken`.
+    """A label for each name and its point, in a picture of this size; none lies on another or on
+    what is `taken`.
 
     A name for which there is no room near its point is left out.
     """
@@ -69,7 +72,9 @@ def place_labels(
 
 
 def _label_positions(text: str, point: tuple[float, float]) -> Iterator[tuple[float, float]]:
-    """Places for the left end of the base line: first above the point, then farther and farther round about it."""
+    """Places for the left end of the base line: first above the point, then farther and farther
+    round about it.
+    """
     half = WIDTH_PIXELS * len(text) / 2
     for ring in range(LABEL_RINGS):
         away = NEAR_PIXELS + ring * SIZE_PIXELS
@@ -87,7 +92,12 @@ def _label_box(text: str, x: float, y: float) -> Box:
 
 
 def _boxes_overlap(first: Box, second: Box) -> bool:
-    return first[0] < second[2] and second[0] < first[2] and first[1] < second[3] and second[1] < first[3]
+    return (
+        first[0] < second[2]
+        and second[0] < first[2]
+        and first[1] < second[3]
+        and second[1] < first[3]
+    )
 
 
 RING_PIXELS = 11.0  # radius of the ring around a contact
@@ -115,11 +125,19 @@ class PictureNotes:
 
 
 def picture_notes_of(
-    camera: PictureCamera, shown: Sequence[PictureSurface], carriers: Floats, contacts: Sequence[Contact] = ()
+    camera: PictureCamera,
+    shown: Sequence[PictureSurface],
+    carriers: Floats,
+    contacts: Sequence[Contact] = (),
 ) -> PictureNotes:
     """The notes on surfaces whose carriers are at poses (k + 1, 4, 4). Contacts are named first."""
-    middles = [_to_pixel(camera, (contact.point_first + contact.point_second) / 2) for contact in contacts]
-    depths = [f"{contact.first} / {contact.second}: {contact.depth_m * 1000:.1f} mm" for contact in contacts]
+    middles = [
+        _to_pixel(camera, (contact.point_first + contact.point_second) / 2) for contact in contacts
+    ]
+    depths = [
+        f"{contact.first} / {contact.second}: {contact.depth_m * 1000:.1f} mm"
+        for contact in contacts
+    ]
     legend = tuple(_legend_keys({surface.kind for surface in shown}))
     named = [*zip(depths, middles, strict=True), *_names_to_show(camera, shown, carriers)]
     taken = [*map(_ring_box, middles), *map(_key_box, legend)]
@@ -136,7 +154,8 @@ def _to_pixel(camera: PictureCamera, point: Floats) -> tuple[float, float]:
 def _names_to_show(
     camera: PictureCamera, shown: Sequence[PictureSurface], carriers: Floats
 ) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Each body, and each arm as a whole, with the highest point that is seen of it; the highest first.
+    """Each body, and each arm as a whole, with the highest point that is seen of it; the highest
+    first.
 
     A body that others hide is named as hidden, at its middle.
     """

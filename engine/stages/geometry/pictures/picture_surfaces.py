@@ -72,9 +72,13 @@ def _body_colour(world: GeometricWorld, body: str, kind: str) -> Colour:
 
 
 def mesh_of(piece: ConvexPiece) -> tuple[Floats, Longs]:
-    """Vertices (n, 3) in the carrier's frame and triangles (m, 3): grids for round pieces, else hulls."""
+    """Vertices (n, 3) in the carrier's frame and triangles (m, 3): grids for round pieces, else
+    hulls.
+    """
     if len(piece.vertices) > 2:
-        return transforms.apply(piece.T_carrier_piece, piece.vertices), hull_triangles(piece.vertices)
+        return transforms.apply(piece.T_carrier_piece, piece.vertices), hull_triangles(
+            piece.vertices
+        )
     half = length_of(piece) / 2 if len(piece.vertices) == 2 else 0.0
     vertices, triangles = _capsule_surface(piece.radius_m, half)
     return transforms.apply(primitive_frame(piece), vertices), triangles
@@ -91,10 +95,14 @@ def _capsule_surface(radius: float, half: float) -> tuple[Floats, Longs]:
     around = np.arange(CIRCLE_SIDES) * 2 * math.pi / CIRCLE_SIDES
     ring = np.stack([np.cos(around), np.sin(around)], axis=1)
     z = np.repeat((radius * np.sin(tilt) + shift)[:, None], CIRCLE_SIDES, axis=1)[..., None]
-    vertices = np.concatenate([radius * np.cos(tilt)[:, None, None] * ring, z], axis=2).reshape(-1, 3)
+    vertices = np.concatenate([radius * np.cos(tilt)[:, None, None] * ring, z], axis=2).reshape(
+        -1, 3
+    )
     rows, sides = np.meshgrid(np.arange(len(tilt) - 1), np.arange(CIRCLE_SIDES), indexing="ij")
     a, b = rows * CIRCLE_SIDES + sides, rows * CIRCLE_SIDES + (sides + 1) % CIRCLE_SIDES
-    quads = np.stack([a, b, b + CIRCLE_SIDES, a, b + CIRCLE_SIDES, a + CIRCLE_SIDES], axis=-1).reshape(-1, 3)
+    quads = np.stack(
+        [a, b, b + CIRCLE_SIDES, a, b + CIRCLE_SIDES, a + CIRCLE_SIDES], axis=-1
+    ).reshape(-1, 3)
     return vertices, quads
 
 
@@ -106,7 +114,9 @@ AMBIENT_SHARE = 0.45
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PictureCamera:
-    """Axes (3, 3) as rows: right, up and towards the viewer; pixels per metre; the world point at the picture's middle."""
+    """Axes (3, 3) as rows: right, up and towards the viewer; pixels per metre; the world point
+    at the picture's middle.
+    """
 
     axes: Floats
     scale: float
@@ -158,11 +168,16 @@ def triangles_in_world(shown: Sequence[PictureSurface], carriers: Floats) -> Flo
 def colours_of(shown: Sequence[PictureSurface]) -> Floats:
     """The colour of each triangle (m, 3), from 0 to 1."""
     return np.concatenate(
-        [np.zeros((0, 3)), *(np.tile(surface.colour, (len(surface.triangles), 1)) for surface in shown)]
+        [
+            np.zeros((0, 3)),
+            *(np.tile(surface.colour, (len(surface.triangles), 1)) for surface in shown),
+        ]
     )
 
 
 def piece_of_triangles(shown: Sequence[PictureSurface]) -> Longs:
     """The number of the convex piece of each triangle (m,)."""
-    piece_numbers: Longs = np.repeat(np.arange(len(shown)), [len(surface.triangles) for surface in shown])
+    piece_numbers: Longs = np.repeat(
+        np.arange(len(shown)), [len(surface.triangles) for surface in shown]
+    )
     return piece_numbers

@@ -34,7 +34,9 @@ def draw_png(
     )
     blank = np.ones((large.height, large.width, 3))
     image = fill(blank, large.project(triangles), colours * large.shade(triangles)[:, None])
-    small = image.reshape(camera.height, OVERSAMPLING, camera.width, OVERSAMPLING, 3).mean(axis=(1, 3))
+    small = image.reshape(camera.height, OVERSAMPLING, camera.width, OVERSAMPLING, 3).mean(
+        axis=(1, 3)
+    )
     picture = Image.fromarray((small.clip(0.0, 1.0) * 255 + 0.5).astype(np.uint8))
     _draw_notes(picture, notes or PictureNotes())
     png = io.BytesIO()
@@ -64,9 +66,13 @@ def _draw_key(
 
 
 def _draw_label(
-    pen: ImageDraw.ImageDraw, font: ImageFont.ImageFont | ImageFont.FreeTypeFont, label: PictureLabel
+    pen: ImageDraw.ImageDraw,
+    font: ImageFont.ImageFont | ImageFont.FreeTypeFont,
+    label: PictureLabel,
 ) -> None:
-    """The name with a white rim, so that it can be read on every ground; a line to its point if that is far."""
+    """The name with a white rim, so that it can be read on every ground; a line to its point if
+    that is far.
+    """
     if label.far:
         x, y = label.point
         pen.line((label.point, label.end), fill=LEAD)

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """Triangles drawn into a picture of pixels, where the nearest one is seen."""
 
 import math
@@ -15,7 +15,8 @@ FLAT = 1e-12  # square pixels: twice the area of a triangle that is seen from it
 
 
 def fill(image: NDArray[Any], triangles: Floats, values: NDArray[Any]) -> NDArray[Any]:
-    """The image (height, width, ...) after triangles were drawn into it, each with its value (m, ...).
+    """The image (height, width, ...) after triangles were drawn into it, each with its value (m,
+    ...).
 
     Triangles (m, 3, 3) are in pixels to the right, down and towards the viewer.
     """
@@ -26,7 +27,9 @@ def fill(image: NDArray[Any], triangles: Floats, values: NDArray[Any]) -> NDArra
 
 
 def nearest(triangles: Floats, width: int, height: int) -> Longs:
-    """The number (height, width) of the triangle that is nearest at the middle of each pixel, the first of several; else -1."""
+    """The number (height, width) of the triangle that is nearest at the middle of each pixel,
+    the first of several; else -1.
+    """
     corners = np.ascontiguousarray(triangles, dtype=float).reshape(-1, 3, 3)
     depth, number = np.full((height, width), -np.inf), np.full((height, width), -1)
     _draw(corners, depth, number)
@@ -40,7 +43,9 @@ def _draw(corners: Floats, depth: Floats, number: Longs) -> None:
 
 
 def _fill(corners: Floats, n: int, depth: Floats, number: Longs) -> None:
-    """Take the pixels whose middle lies in a triangle, where it is nearer than what was drawn before."""
+    """Take the pixels whose middle lies in a triangle, where it is nearer than what was drawn
+    before.
+    """
     ax, ay, az = corners[n, 0, 0], corners[n, 0, 1], corners[n, 0, 2]
     bx, by, bz = corners[n, 1, 0], corners[n, 1, 1], corners[n, 1, 2]
     cx, cy, cz = corners[n, 2, 0], corners[n, 2, 1], corners[n, 2, 2]

@@ -1,8 +1,8 @@
 """A picture as SVG: triangles painted from the farthest to the nearest, and notes over them.
 
-A binary space partition in the coordinates of the picture (Fuchs, Kedem & Naylor 1980): the plane of one triangle
-parts the others, and a triangle that crosses the plane is cut. Surfaces that pass through each other are shown
-correctly, too.
+A binary space partition in the coordinates of the picture (Fuchs, Kedem & Naylor 1980): the plane
+of one triangle parts the others, and a triangle that crosses the plane is cut. Surfaces that pass
+through each other are shown correctly, too.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,8 +30,9 @@ CUT_COSTS = 8  # a cut triangle counts as much as this many triangles too many o
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PaintedTriangles:
-    """Triangles (m, 3, 3) that face the viewer, in pixels to the right, down and towards the viewer. Each has the number of
-    the given triangle that it is a part of, and of its convex piece (m,).
+    """Triangles (m, 3, 3) that face the viewer, in pixels to the right, down and towards the
+    viewer. Each has the number of the given triangle that it is a part of, and of its convex piece
+    (m,).
     """
 
     corners: Floats
@@ -44,10 +45,12 @@ class PaintedTriangles:
 
 
 def back_to_front(corners: Floats, piece: Longs) -> tuple[Floats, Longs]:
-    """Triangles (n, 3, 3) and the number of the given triangle that each is a part of (n,), the farthest first.
+    """Triangles (n, 3, 3) and the number of the given triangle that each is a part of (n,), the
+    farthest first.
 
-    `corners` (m, 3, 3) are in pixels to the right, down and towards the viewer; `piece` (m,) tells which triangles belong to
-    one convex piece. Each triangle must face the viewer: those of one piece then never cover each other.
+    `corners` (m, 3, 3) are in pixels to the right, down and towards the viewer; `piece` (m,) tells
+    which triangles belong to one convex piece. Each triangle must face the viewer: those of one
+    piece then never cover each other.
     """
     random = np.random.default_rng(0)
     waiting = [(PaintedTriangles(corners, np.arange(len(corners)), piece), False)]
@@ -59,7 +62,9 @@ def back_to_front(corners: Floats, piece: Longs) -> tuple[Floats, Longs]:
         else:
             behind, level, ahead = _part_by_plane(group, random)
             waiting += [(ahead, False), (level, True), (behind, False)]
-    return np.concatenate([group.corners for group in done]), np.concatenate([group.source for group in done])
+    return np.concatenate([group.corners for group in done]), np.concatenate(
+        [group.source for group in done]
+    )
 
 
 def _in_any_order(group: PaintedTriangles) -> bool:
@@ -77,22 +82,30 @@ def _part_by_plane(
     group: PaintedTriangles, random: np.random.Generator
 ) -> tuple[PaintedTriangles, PaintedTriangles, PaintedTriangles]:
     """What lies behind the plane of one triangle, on it, and before it."""
-    tried = random.choice(len(group.corners), min(CUT_CANDIDATES, len(group.corners)), replace=False)
+    tried = random.choice(
+        len(group.corners), min(CUT_CANDIDATES, len(group.corners)), replace=False
+    )
     tries = _plane_distances(group.corners, group.corners[tried])
     before, after = np.any(tries < -FLAT_PIXELS, axis=2), np.any(tries > FLAT_PIXELS, axis=2)
-    costs = CUT_COSTS * (before & after).sum(axis=1) + np.abs(before.sum(axis=1) - after.sum(axis=1))
+    costs = CUT_COSTS * (before & after).sum(axis=1) + np.abs(
+        before.sum(axis=1) - after.sum(axis=1)
+    )
     best = int(costs.argmin())
     behind, ahead, away = before[best], after[best], tries[best]
     cut = np.flatnonzero(behind & ahead)
     parts = [
-        _join_groups(group.at(np.flatnonzero(side & ~opposite)), _cut_group(group.at(cut), sign * away[cut]))
+        _join_groups(
+            group.at(np.flatnonzero(side & ~opposite)), _cut_group(group.at(cut), sign * away[cut])
+        )
         for side, opposite, sign in ((behind, ahead, -1.0), (ahead, behind, 1.0))
     ]
     return parts[0], group.at(np.flatnonzero(~behind & ~ahead)), parts[1]
 
 
 def _plane_distances(corners: Floats, planes: Floats) -> Floats:
-    """How far corners (m, 3, 3) lie before the planes of triangles (k, 3, 3), seen by the viewer: (k, m, 3)."""
+    """How far corners (m, 3, 3) lie before the planes of triangles (k, 3, 3), seen by the
+    viewer: (k, m, 3).
+    """
     normals = np.cross(planes[:, 1] - planes[:, 0], planes[:, 2] - planes[:, 0])
     normals *= np.sign(normals[:, 2:]) / np.linalg.norm(normals, axis=1, keepdims=True)
     away = np.einsum("kc,mvc->kmv", normals, corners)
@@ -115,14 +128,18 @@ def _cut_group(group: PaintedTriangles, away: Floats) -> PaintedTriangles:
     of: list[int] = []
     for number, (corners, distances) in enumerate(zip(group.corners, away, strict=True)):
         polygon = _clip_triangle(corners, distances)
-        parts += [np.stack([polygon[0], polygon[n], polygon[n + 1]]) for n in range(1, len(polygon) - 1)]
+        parts += [
+            np.stack([polygon[0], polygon[n], polygon[n + 1]]) for n in range(1, len(polygon) - 1)
+        ]
         of += [number] * (len(polygon) - 2)
     shown = PaintedTriangles(np.array(parts).reshape(-1, 3, 3), group.source[of], group.piece[of])
     return shown.at(np.flatnonzero(np.abs(doubled_area(shown.corners)) > FLAT_PIXELS**2))
 
 
 def _clip_triangle(corners: Floats, away: Floats) -> Sequence[Floats]:
-    """The corners of the part of one triangle (3, 3) where `away` (3,) is positive, in their order."""
+    """The corners of the part of one triangle (3, 3) where `away` (3,) is positive, in their
+    order.
+    """
     clipped: list[Floats] = []
     for this, following in ((0, 1), (1, 2), (2, 0)):
         if away[this] >= 0:
@@ -134,9 +151,14 @@ def _clip_triangle(corners: Floats, away: Floats) -> Sequence[Floats]:
 
 
 def doubled_area(corners: Floats) -> Floats:
-    """Twice the area (m,) of triangles (m, 3, 3) in square pixels. It is negative for those that face the viewer."""
+    """Twice the area (m,) of triangles (m, 3, 3) in square pixels.
+
+    It is negative for those that face the viewer.
+    """
     a, b, c = (corners[:, k, :2] for k in range(3))
-    areas: Floats = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+    areas: Floats = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (
+        b[:, 1] - a[:, 1]
+    )
     return areas
 
 
@@ -152,7 +174,8 @@ def draw_svg(
 ) -> str:
     """The SVG of triangles (m, 3, 3) with colours (m, 3).
 
-    `pieces` (m,) are the numbers of their convex pieces; without them each triangle is a piece of its own.
+    `pieces` (m,) are the numbers of their convex pieces; without them each triangle is a piece of
+    its own.
     """
     pieces, notes = np.arange(len(triangles)) if pieces is None else pieces, notes or PictureNotes()
     fills = (np.clip(colours * camera.shade(triangles)[:, None], 0, 1) * 255 + 0.5).astype(int)
@@ -160,11 +183,17 @@ def draw_svg(
     seen[:, :, 2] *= camera.scale
     facing = np.flatnonzero(doubled_area(seen) < -LEAST_PIXELS)
     corners, source = back_to_front(seen[facing], pieces[facing])
-    size = f'width="{camera.width}" height="{camera.height}" viewBox="0 0 {camera.width} {camera.height}"'
+    size = (
+        f'width="{camera.width}" height="{camera.height}" viewBox="0 0 {camera.width} '
+        f'{camera.height}"'
+    )
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size}>',
         '<rect width="100%" height="100%" fill="white"/>',
-        *(_svg_triangle(triangle, fills[facing[n]]) for triangle, n in zip(corners, source, strict=True)),
+        *(
+            _svg_triangle(triangle, fills[facing[n]])
+            for triangle, n in zip(corners, source, strict=True)
+        ),
         *_svg_notes(notes),
         "</svg>",
     ]
@@ -172,7 +201,9 @@ def draw_svg(
 
 
 def _svg_triangle(corners: Floats, fill: Longs) -> str:
-    """A triangle in SVG. Its outline has the colour of its face, to close the seams between neighbours."""
+    """A triangle in SVG. Its outline has the colour of its face, to close the seams between
+    neighbours.
+    """
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners[:, :2])
     colour = "#{:02x}{:02x}{:02x}".format(*fill)
     return f'<polygon points="{points}" fill="{colour}" stroke="{colour}" stroke-width="1"/>'
@@ -181,7 +212,8 @@ def _svg_triangle(corners: Floats, fill: Longs) -> str:
 def _svg_notes(notes: PictureNotes) -> Iterator[str]:
     for x, y in notes.rings:
         yield (
-            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{RING_PIXELS:g}" fill="none" stroke="#1a1a1a" stroke-width="3"/>'
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{RING_PIXELS:g}" fill="none" '
+            'stroke="#1a1a1a" stroke-width="3"/>'
         )
     for key in notes.legend:
         yield from _svg_key(key)
@@ -191,12 +223,17 @@ def _svg_notes(notes: PictureNotes) -> Iterator[str]:
 
 def _svg_key(key: LegendKey) -> Iterator[str]:
     (x, y), side = key.at, KEY_PIXELS
-    yield f'<rect class="key" x="{x:g}" y="{y:g}" width="{side}" height="{side}" fill="{_hex_colour(key.colour)}"/>'
+    yield (
+        f'<rect class="key" x="{x:g}" y="{y:g}" width="{side}" height="{side}" '
+        f'fill="{_hex_colour(key.colour)}"/>'
+    )
     yield _svg_text(key.name, x + side + 6, y + side - 1)
 
 
 def _svg_label(label: PictureLabel) -> Iterator[str]:
-    """The name with a white rim, so that it can be read on every ground; a line to its point if that is far."""
+    """The name with a white rim, so that it can be read on every ground; a line to its point if
+    that is far.
+    """
     if label.far:
         (x, y), (to_x, to_y) = label.point, label.end
         yield f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{to_x:.1f}" y2="{to_y:.1f}" stroke="#555555"/>'

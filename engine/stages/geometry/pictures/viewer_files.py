@@ -1,7 +1,8 @@
 """Files for 3D viewers: a scene with its motion as glTF 2.0, and bodies as binary STL.
 
-Each joint is a node that turns or slides within a node for its origin. So viewers interpolate configurations,
-not poses. Up is the z axis here and the y axis in glTF, so the root node turns one to the other.
+Each joint is a node that turns or slides within a node for its origin. So viewers interpolate
+configurations, not poses. Up is the z axis here and the y axis in glTF, so the root node turns one
+to the other.
 """
 
 import base64
@@ -20,7 +21,11 @@ from cellwright.engine.kernels.linear import matmul
 from cellwright.engine.model.geometry import Joints
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
-from cellwright.engine.stages.geometry.pictures.picture_surfaces import Colour, PictureSurface, mesh_of
+from cellwright.engine.stages.geometry.pictures.picture_surfaces import (
+    Colour,
+    PictureSurface,
+    mesh_of,
+)
 from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, LocatedFrame
 
@@ -46,7 +51,9 @@ class _GltfDocument:
         return len(entries) - 1
 
     def numbers(self, values: NDArray[Any], shape: str, target: int | None = None) -> int:
-        """The number of a new accessor of an array (n,) or (n, 3 or 4) of floats or unsigned integers."""
+        """The number of a new accessor of an array (n,) or (n, 3 or 4) of floats or unsigned
+        integers.
+        """
         whole = np.issubdtype(values.dtype, np.integer)
         stored = np.ascontiguousarray(values, dtype="<u4" if whole else "<f4")
         view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": stored.nbytes}
@@ -54,13 +61,21 @@ class _GltfDocument:
         number = self.add("bufferViews", view | ({"target": target} if target else {}))
         rows = stored.reshape(len(stored), -1)
         limits = {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-        kind = {"bufferView": number, "componentType": UNSIGNED if whole else FLOAT, "count": len(stored)}
+        kind = {
+            "bufferView": number,
+            "componentType": UNSIGNED if whole else FLOAT,
+            "count": len(stored),
+        }
         return self.add("accessors", {**kind, "type": shape, **limits})
 
     def material(self, colour: Colour) -> int:
         """The number of a new material with a colour."""
         if colour not in self.materials:
-            look = {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+            look = {
+                "baseColorFactor": [*colour, 1.0],
+                "metallicFactor": 0.0,
+                "roughnessFactor": 0.8,
+            }
             self.materials[colour] = self.add(
                 "materials", {"pbrMetallicRoughness": look, "doubleSided": True}
             )
@@ -68,14 +83,18 @@ class _GltfDocument:
 
     def text(self, root: int) -> str:
         """The text of the whole file."""
-        uri = "data:application/octet-stream;base64," + base64.b64encode(bytes(self.data)).decode("ascii")
+        uri = "data:application/octet-stream;base64," + base64.b64encode(bytes(self.data)).decode(
+            "ascii"
+        )
         head = {
             "asset": {"version": "2.0", "generator": "cellwright"},
             "scene": 0,
             "scenes": [{"nodes": [root]}],
         }
         buffers = [{"byteLength": len(self.data), "uri": uri}] if self.data else []
-        return json.dumps({**head, **self.content, **({"buffers": buffers} if buffers else {})}) + "\n"
+        return (
+            json.dumps({**head, **self.content, **({"buffers": buffers} if buffers else {})}) + "\n"
+        )
 
 
 def gltf_of_motion(
@@ -92,10 +111,16 @@ def gltf_of_motion(
     carriers = [root]
     for index in range(joints.count):
         carriers.append(
-            _add_joint(gltf, joints, index, carriers[joints.parent[index]], configurations[0, index])
+            _add_joint(
+                gltf, joints, index, carriers[joints.parent[index]], configurations[0, index]
+            )
         )
     for surface in shown:
-        _add_child(gltf, carriers[surface.carrier], {"name": surface.body, "mesh": _add_mesh(gltf, surface)})
+        _add_child(
+            gltf,
+            carriers[surface.carrier],
+            {"name": surface.body, "mesh": _add_mesh(gltf, surface)},
+        )
     if len(times_s) > 1 and joints.count:
         _animate_joints(gltf, joints, carriers, *_refine_steps(joints, times_s, configurations))
     for node in gltf.content["nodes"]:
@@ -107,7 +132,8 @@ def gltf_of_motion(
 def gltf_of_poses(
     shown: Sequence[PictureSurface], names: Sequence[str], times_s: Floats, poses: Floats
 ) -> str:
-    """The glTF text of surfaces whose carriers are at poses (m, n, 4, 4) at times (m,). `names` are those of the carriers.
+    """The glTF text of surfaces whose carriers are at poses (m, n, 4, 4) at times (m,). `names` are
+    those of the carriers.
 
     A carrier that never moves is not animated.
     """
@@ -119,11 +145,17 @@ def gltf_of_poses(
         for n, name in enumerate(names)
     ]
     for surface in shown:
-        _add_child(gltf, nodes[surface.carrier], {"name": surface.body, "mesh": _add_mesh(gltf, surface)})
+        _add_child(
+            gltf, nodes[surface.carrier], {"name": surface.body, "mesh": _add_mesh(gltf, surface)}
+        )
     clock, channels, samplers = gltf.numbers(times_s, "SCALAR"), list[Any](), list[Any]()
     for n, node in enumerate(nodes):
         for path, values, shape in _pose_tracks(poses[:, n]):
-            sampler = {"input": clock, "output": gltf.numbers(values, shape), "interpolation": "LINEAR"}
+            sampler = {
+                "input": clock,
+                "output": gltf.numbers(values, shape),
+                "interpolation": "LINEAR",
+            }
             channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
             samplers.append(sampler)
     if channels:
@@ -145,7 +177,8 @@ def _pose_tracks(poses: Floats) -> Iterator[tuple[str, Floats, str]]:
         yield "translation", places, "VEC3"
     if np.ptp(poses[:, :3, :3], axis=0).max() > 1e-9:
         turns = np.stack([quaternion_xyzw(T[:3, :3]) for T in poses])
-        for n in range(1, len(turns)):  # the short way round: a quaternion and its opposite are one rotation
+        # the short way round: a quaternion and its opposite are one rotation
+        for n in range(1, len(turns)):
             turns[n] *= 1.0 if turns[n] @ turns[n - 1] >= 0 else -1.0
         yield "rotation", turns, "VEC4"
 
@@ -160,7 +193,9 @@ def _add_joint(gltf: _GltfDocument, joints: Joints, index: int, parent: int, val
     T = joints.T_parent_origin[index]
     place = {"translation": T[:3, 3].tolist(), "rotation": quaternion_xyzw(T[:3, :3]).tolist()}
     origin = _add_child(gltf, parent, {"name": f"joint {index + 1}", **place, "children": []})
-    moved = {_animated_path(joints, index): _joint_motion(joints, index, np.array([value]))[0].tolist()}
+    moved = {
+        _animated_path(joints, index): _joint_motion(joints, index, np.array([value]))[0].tolist()
+    }
     return _add_child(gltf, origin, {"name": f"carrier {index + 1}", **moved, "children": []})
 
 
@@ -177,26 +212,33 @@ def _joint_motion(joints: Joints, index: int, values: Floats) -> Floats:
 
 
 def _refine_steps(joints: Joints, times_s: Floats, configurations: Floats) -> tuple[Floats, Floats]:
-    """Times (m,) and configurations (m, k): the given ones, with others between so that no joint turns too
-    far in one step.
+    """Times (m,) and configurations (m, k): the given ones, with others between so that no joint
+    turns too far in one step.
     """
     steps = np.abs(np.diff(configurations[:, ~joints.prismatic], axis=0))
     parts = np.maximum(1, np.ceil(steps.max(axis=1, initial=0.0) / MAX_STEP_RAD).astype(int))
-    marks = np.concatenate([n + np.arange(count) / count for n, count in enumerate(parts)] + [[len(parts)]])
+    marks = np.concatenate(
+        [n + np.arange(count) / count for n, count in enumerate(parts)] + [[len(parts)]]
+    )
     given_steps = np.arange(len(times_s))
     columns = [np.interp(marks, given_steps, configurations[:, k]) for k in range(joints.count)]
     return np.interp(marks, given_steps, times_s), np.stack(columns, axis=1)
 
 
 def _animate_joints(
-    gltf: _GltfDocument, joints: Joints, carriers: list[int], times_s: Floats, configurations: Floats
+    gltf: _GltfDocument,
+    joints: Joints,
+    carriers: list[int],
+    times_s: Floats,
+    configurations: Floats,
 ) -> None:
     clock = gltf.numbers(times_s, "SCALAR")
     channels, samplers = [], []
     for index in range(joints.count):
         path = _animated_path(joints, index)
         values = gltf.numbers(
-            _joint_motion(joints, index, configurations[:, index]), "VEC4" if path == "rotation" else "VEC3"
+            _joint_motion(joints, index, configurations[:, index]),
+            "VEC4" if path == "rotation" else "VEC3",
         )
         samplers.append({"input": clock, "output": values, "interpolation": "LINEAR"})
         channels.append({"sampler": index, "target": {"node": carriers[index + 1], "path": path}})
@@ -212,7 +254,9 @@ def _add_mesh(gltf: _GltfDocument, surface: PictureSurface) -> int:
 
 
 def quaternion_xyzw(R: Floats) -> Floats:
-    """The unit quaternion (x, y, z, w) of a rotation (3, 3), by its largest part (Shepperd 1978)."""
+    """The unit quaternion (x, y, z, w) of a rotation (3, 3), by its largest part (Shepperd
+    1978).
+    """
     x, y = 1 + R[0, 0] - R[1, 1] - R[2, 2], 1 - R[0, 0] + R[1, 1] - R[2, 2]
     z, w = 1 - R[0, 0] - R[1, 1] + R[2, 2], 1 + R[0, 0] + R[1, 1] + R[2, 2]
     rows = np.array(
@@ -239,7 +283,10 @@ def frames_of_bodies(world: GeometricWorld, names: Iterable[str]) -> dict[str, L
         for link in mounted.arm.links
     }
     bodies = world.cell.bodies
-    return {name: world.locate(name) if name in bodies else links.get(name, FIXED_TO_WORLD) for name in names}
+    return {
+        name: world.locate(name) if name in bodies else links.get(name, FIXED_TO_WORLD)
+        for name in names
+    }
 
 
 def body_poses(world: GeometricWorld, names: Iterable[str]) -> dict[str, Floats]:
@@ -252,7 +299,9 @@ def body_poses(world: GeometricWorld, names: Iterable[str]) -> dict[str, Floats]
 
 
 def body_triangles(world: GeometricWorld) -> dict[str, Floats]:
-    """The corners (n, 3, 3) of the triangles of everything that has a surface, each in its own frame."""
+    """The corners (n, 3, 3) of the triangles of everything that has a surface, each in its own
+    frame.
+    """
     pieces, by_body = collision_scene_of(world).pieces, defaultdict(list)
     frames = frames_of_bodies(world, {piece.body: None for piece in pieces})
     for piece in pieces:

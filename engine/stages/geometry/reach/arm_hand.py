@@ -14,9 +14,13 @@ from cellwright.engine.stages.geometry.world.geometric_world import GeometricWor
 
 
 class ArmHand:
-    """The tool point of an arm, or the tip of a tool that it holds; configurations (n, k) are those of the whole world."""
+    """The tool point of an arm, or the tip of a tool that it holds; configurations (n, k) are
+    those of the whole world.
+    """
 
-    def __init__(self, world: GeometricWorld, scene: CollisionScene, arm: str, T_flange_end: Floats) -> None:
+    def __init__(
+        self, world: GeometricWorld, scene: CollisionScene, arm: str, T_flange_end: Floats
+    ) -> None:
         self._world, self._scene, self._end = world, scene, T_flange_end
         self._kinematics = InverseKinematics(world.models[arm])
         self._base = world.pose("world", f"{arm}.base")
@@ -25,11 +29,15 @@ class ArmHand:
 
     def poses(self, q: Floats) -> Floats:
         """Where the hand is in the world (n, 4, 4)."""
-        poses: Floats = matmul(self._base, self._kinematics.model.flange_pose(q[..., self.own]), self._end)
+        poses: Floats = matmul(
+            self._base, self._kinematics.model.flange_pose(q[..., self.own]), self._end
+        )
         return poses
 
     def reaching(self, poses: Floats, near: Floats) -> list[Floats]:
-        """The configurations (m, k) within the limits for each pose (n, 4, 4), the nearest to `near` (k,) first."""
+        """The configurations (m, k) within the limits for each pose (n, 4, 4), the nearest to
+        `near` (k,) first.
+        """
         branches = self._kinematics.solve(
             matmul(transforms.inverse(self._base), poses, transforms.inverse(self._end))
         )
@@ -45,7 +53,8 @@ class ArmHand:
         return whole
 
     def followed(self, poses: Floats, q: Floats) -> Floats:
-        """The configurations (m, k) for poses (n, 4, 4), each the nearest to the one before, the first to `q` (k,).
+        """The configurations (m, k) for poses (n, 4, 4), each the nearest to the one before, the
+        first to `q` (k,).
 
         It ends before the first pose that has none within the limits.
         """
@@ -73,7 +82,9 @@ class ArmHand:
         return self._kinematics.model
 
     def branches(self, pose: Floats) -> Floats:
-        """The arm's own configurations (b, own joints) for a pose (1, 4, 4), within its limits or not."""
+        """The arm's own configurations (b, own joints) for a pose (1, 4, 4), within its limits
+        or not.
+        """
         base = matmul(transforms.inverse(self._base), pose, transforms.inverse(self._end))
         return self._kinematics.solve(base).of(0)
 
@@ -86,7 +97,9 @@ class ArmHand:
 
 
 def _piece_box(piece: ConvexPiece) -> tuple[Floats, Floats]:
-    """The box of a piece along the axes of its own frame: its pose in the world (4, 4), and half its edges (3,)."""
+    """The box of a piece along the axes of its own frame: its pose in the world (4, 4), and
+    half its edges (3,).
+    """
     low, high = piece.vertices.min(axis=0), piece.vertices.max(axis=0)
     middle = transforms.translation(*((low + high) / 2))
     half: Floats = (high - low) / 2 + piece.radius_m
@@ -97,19 +110,24 @@ STRAY_M, STRAY_RAD = 5e-4, 5e-3
 FIRST_M, FIRST_RAD = 0.04, 0.2  # between the first configurations
 MAX_HALVINGS = 8
 JUMP_RAD = 0.6  # a joint that turns farther between two neighbours has changed to another branch
-SINGULAR_VALUE = 0.02  # the least singular value of the Jacobian, below which the arm is as good as singular
+# the least singular value of the Jacobian, below which the arm is as good as singular
+SINGULAR_VALUE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class BrokenLine:
-    """A line that breaks when a share (0 to 1) of it is done: `why` is a sentence without the name of the place."""
+    """A line that breaks when a share (0 to 1) of it is done: `why` is a sentence without the
+    name of the place.
+    """
 
     share: float
     why: str
 
 
 def straight_line(hand: ArmHand, start: Floats, T_goal: Floats) -> Floats | BrokenLine:
-    """The configurations (m, k) from `start` (k,) that take the tool to a pose (4, 4) in a straight line."""
+    """The configurations (m, k) from `start` (k,) that take the tool to a pose (4, 4) in a
+    straight line.
+    """
     T_start = hand.poses(start[None])[0]
     metres, radians = transforms.difference(T_start, T_goal)
     parts = max(2, int(np.ceil(metres / FIRST_M)), int(np.ceil(radians / FIRST_RAD)))
@@ -118,7 +136,9 @@ def straight_line(hand: ArmHand, start: Floats, T_goal: Floats) -> Floats | Brok
         return whole
     shares, path = [0.0], [start]
     for share in np.linspace(0.0, 1.0, parts + 1)[1:]:
-        reached = _reach_on(hand, (T_start, T_goal), (shares[-1], float(share)), path[-1], MAX_HALVINGS)
+        reached = _reach_on(
+            hand, (T_start, T_goal), (shares[-1], float(share)), path[-1], MAX_HALVINGS
+        )
         if isinstance(reached, BrokenLine):
             return reached
         shares.append(float(share))
@@ -126,8 +146,12 @@ def straight_line(hand: ArmHand, start: Floats, T_goal: Floats) -> Floats | Brok
     return np.array(path)
 
 
-def _at_once(hand: ArmHand, ends: tuple[Floats, Floats], start: Floats, parts: int) -> Floats | None:
-    """The configurations (parts + 1, k) at even shares of the line, if that suffices; most lines are so easy."""
+def _at_once(
+    hand: ArmHand, ends: tuple[Floats, Floats], start: Floats, parts: int
+) -> Floats | None:
+    """The configurations (parts + 1, k) at even shares of the line, if that suffices; most
+    lines are so easy.
+    """
     marks = np.linspace(0.0, 1.0, 2 * parts + 1)[1:]
     poses = _poses_on_line(ends, marks)
     path = np.concatenate([start[None], hand.followed(poses[1::2], start)])
@@ -138,7 +162,11 @@ def _at_once(hand: ArmHand, ends: tuple[Floats, Floats], start: Floats, parts: i
 
 
 def _reach_on(
-    hand: ArmHand, ends: tuple[Floats, Floats], shares: tuple[float, float], q: Floats, halvings: int
+    hand: ArmHand,
+    ends: tuple[Floats, Floats],
+    shares: tuple[float, float],
+    q: Floats,
+    halvings: int,
 ) -> list[Floats] | BrokenLine:
     """The configurations after `q` (k,) between two shares of the line, as many as it takes."""
     next_q = _next_configuration(hand, _poses_on_line(ends, np.array(shares[1:])), q, shares[1])
@@ -147,7 +175,9 @@ def _reach_on(
         return next_q
     if not isinstance(next_q, BrokenLine):
         halfway = hand.poses(((q + next_q) / 2)[None])[0]
-        metres, radians = transforms.difference(_poses_on_line(ends, np.array([middle]))[0], halfway)
+        metres, radians = transforms.difference(
+            _poses_on_line(ends, np.array([middle]))[0], halfway
+        )
         if (metres <= STRAY_M and radians <= STRAY_RAD) or halvings == 0:
             return [next_q]
     first = _reach_on(hand, ends, (shares[0], middle), q, halvings - 1)
@@ -169,7 +199,9 @@ def _poses_on_line(ends: tuple[Floats, Floats], shares: Floats) -> Floats:
     return transforms.transform(matmul(start[:3, :3], turned), start[:3, 3] + offsets)
 
 
-def _next_configuration(hand: ArmHand, pose: Floats, q: Floats, share: float) -> Floats | BrokenLine:
+def _next_configuration(
+    hand: ArmHand, pose: Floats, q: Floats, share: float
+) -> Floats | BrokenLine:
     """The configuration (k,) next to `q` for a pose (1, 4, 4), or why there is none."""
     solutions = hand.followed(pose, q)
     if len(solutions) and np.abs(solutions[0] - q).max() <= JUMP_RAD:
@@ -192,11 +224,18 @@ def _break_reason(hand: ArmHand, pose: Floats, q: Floats) -> str:
     beyond = float(max(joints.lower[joint] - best[joint], best[joint] - joints.upper[joint]))
     if np.abs(best - own).max() <= JUMP_RAD and beyond > 0.0:
         name = hand.model.arm.joints[joint].name
-        amount = f"{beyond * 1000:.0f} mm" if joints.prismatic[joint] else f"{np.degrees(beyond):.1f} degrees"
+        amount = (
+            f"{beyond * 1000:.0f} mm"
+            if joints.prismatic[joint]
+            else f"{np.degrees(beyond):.1f} degrees"
+        )
         return f"{name} would have to go {amount} beyond its limit"
     least = float(np.linalg.svd(hand.model.jacobian(own), compute_uv=False)[-1])
     joint = int(np.argmax(np.abs(best - own)))
     name = hand.model.arm.joints[joint].name
     if least < SINGULAR_VALUE or not len(whole_turns(hand.model, best)):
         return f"the arm comes to a singularity: {name} would have to turn at once"
-    return f"only another branch reaches on from there: {name} would have to jump by {np.degrees(np.abs(best - own).max()):.0f} degrees"
+    return (
+        f"only another branch reaches on from there: {name} would have to jump by "
+        f"{np.degrees(np.abs(best - own).max()):.0f} degrees"
+    )

@@ -9,7 +9,13 @@ from cellwright.engine.stages.geometry.region_tree import declared_tree
 from cellwright.engine.stages.geometry.shapes.meshes import surface_only
 from cellwright.engine.stages.geometry.shapes.part_shapes import check_polyhedron, shape_cores
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
-from cellwright.kb.diagnostics import Diagnostic, InvalidInput, nearest_hint, select_errors, unknown_name
+from cellwright.kb.diagnostics import (
+    Diagnostic,
+    InvalidInput,
+    nearest_hint,
+    select_errors,
+    unknown_name,
+)
 from cellwright.kb.loader.cell import read_cell
 from cellwright.kb.loader.reader import LoadFindings
 from cellwright.kb.model.body_shapes import Mesh, PlacedShape, Polyhedron
@@ -29,8 +35,9 @@ def check_cell(
 ) -> list[Diagnostic]:
     """Everything that is wrong with a cell file, in order of place.
 
-    `atoms` are those that can become true: the places that they name must have a pose, unless facts give their position
-    (`located`). Without a backend, reach is not checked. Checks that need a correct file run only if the earlier checks found nothing.
+    `atoms` are those that can become true: the places that they name must have a pose, unless facts
+    give their position (`located`). Without a backend, reach is not checked. Checks that need a
+    correct file run only if the earlier checks found nothing.
     """
     findings = LoadFindings()
     try:
@@ -55,13 +62,17 @@ def check_cell(
 
 
 def _strange_places(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
-    """Places whose name is neither a possible term of the domain, nor one that an operation of the cell goes to."""
+    """Places whose name is neither a possible term of the domain, nor one that an operation of
+    the cell goes to.
+    """
     known_names = {*domain.functions, *domain.objects}
     known_names |= {str(operation.at).partition("(")[0] for operation in cell.operations}
     for name, place in cell.places.items():
         functor = name.partition("(")[0]
         if functor not in known_names:
-            hint = nearest_hint(functor, known_names) or "places are called as the domain's terms are"
+            hint = (
+                nearest_hint(functor, known_names) or "places are called as the domain's terms are"
+            )
             message = f"the domain knows no '{functor}'"
             yield Diagnostic(place.placement.where, "K101", message, hint, warning=True)
 
@@ -89,9 +100,11 @@ def _strange_operations(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
             yield Diagnostic(operation.where, "K102", message, "write it as the domain declares it")
 
 
-def _placeless_terms(cell: Cell, atoms: Collection[Atom], located: Collection[str]) -> Iterator[Diagnostic]:
-    """Terms such as slot(drawer, 5) for which the cell has no pose, although it has one for another term of
-    the same name: one finding for each such name.
+def _placeless_terms(
+    cell: Cell, atoms: Collection[Atom], located: Collection[str]
+) -> Iterator[Diagnostic]:
+    """Terms such as slot(drawer, 5) for which the cell has no pose, although it has one for another
+    term of the same name: one finding for each such name.
     """
     kin = {name.partition("(")[0]: place for name, place in cell.places.items() if "(" in name}
     terms = {term for atom in atoms for term in _compound_terms(atom) if term.name in kin}
@@ -131,7 +144,10 @@ def _shape_problems(placed: PlacedShape) -> list[Diagnostic]:
     except InvalidInput as error:
         return list(error.diagnostics)
     if isinstance(placed.shape, Mesh) and surface_only(Path(placed.shape.path)):
-        message, hint = "the mesh is not convex: its surface alone counts", "pip install 'cellwright[meshes]'"
+        message, hint = (
+            "the mesh is not convex: its surface alone counts",
+            "pip install 'cellwright[meshes]'",
+        )
         return [Diagnostic(placed.shape.where, "K702", message, hint, warning=True)]
     return check_polyhedron(placed.shape) if isinstance(placed.shape, Polyhedron) else []
 
@@ -142,7 +158,10 @@ def _outside_regions(cell: Cell) -> Iterator[Diagnostic]:
         for error in declared_tree(GeometricWorld.of(cell))[1]:
             where = cell.regions[error.region].where
             yield Diagnostic(
-                where, "K704", str(error), "enlarge a parent, name another one, or shrink the region"
+                where,
+                "K704",
+                str(error),
+                "enlarge a parent, name another one, or shrink the region",
             )
 
 

@@ -13,20 +13,28 @@ from cellwright.engine.model.geometry import CollisionScene, Contact
 from cellwright.engine.ports import CollisionChecker, GeometryBackend
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.kinematics.arm_model import reachable_nearest_turns
-from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import Branches, InverseKinematics
+from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import (
+    Branches,
+    InverseKinematics,
+)
 from cellwright.engine.stages.geometry.reach.scanner_view import (
     PatchView,
     ScannerSight,
     UnseenPatch,
     best_reason,
 )
-from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of, scene_of_pairs
+from cellwright.engine.stages.geometry.world.collision_scene import (
+    collision_scene_of,
+    scene_of_pairs,
+)
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.model.cell_model import Place
 
 
 class ShallowChecker:
-    """A scene in which the pairs of `meeting` may overlap by `depth_m` (m), and those of `apart` not at all."""
+    """A scene in which the pairs of `meeting` may overlap by `depth_m` (m), and those of
+    `apart` not at all.
+    """
 
     def __init__(self, apart: CollisionChecker, meeting: CollisionChecker, depth_m: float) -> None:
         self._apart, self._meeting, self._depth_m = apart, meeting, depth_m
@@ -45,28 +53,37 @@ class ShallowChecker:
         return hits
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
-        """How far everything is from what it must not do (n,), m: from a touch, or from being too deep."""
+        """How far everything is from what it must not do (n,), m: from a touch, or from being
+        too deep.
+        """
         met = self._meeting.clearance(where, max(0.0, beyond_m - self._depth_m)) + self._depth_m
         clearances: Floats = np.minimum(self._apart.clearance(where, beyond_m), met)
         return clearances
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
-        """What is nearer than `within_m` and must not be, or deeper than it may be, in one configuration: the deepest first."""
-        deep = [contact for contact in self._meeting.contacts(where) if contact.depth_m > self._depth_m]
+        """What is nearer than `within_m` and must not be, or deeper than it may be, in one
+        configuration: the deepest first.
+        """
+        deep = [
+            contact for contact in self._meeting.contacts(where) if contact.depth_m > self._depth_m
+        ]
         contacts = (*self._apart.contacts(where, within_m), *deep)
         return tuple(sorted(contacts, key=lambda contact: contact.distance_m)) if deep else contacts
 
 
 TOOL_TURNS = 24  # poses tried for a tool that may turn about its own z
-ORIENTATIONS_TRIED = 256  # orientations tried, to find out whether the position alone can be reached
+# orientations tried, to find out whether the position alone can be reached
+ORIENTATIONS_TRIED = 256
 NEAR_MISSES = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReachedPlace:
-    """Configurations (m, k) of the place's arm that reach the pose, within the limits and without collision.
+    """Configurations (m, k) of the place's arm that reach the pose, within the limits and without
+    collision.
 
-    Among those that differ only by whole turns, the one nearest to the arm's present configuration is kept.
+    Among those that differ only by whole turns, the one nearest to the arm's present configuration
+    is kept.
     """
 
     q: Floats
@@ -104,21 +121,29 @@ class PlaceReachability:
             return goal
         before = self._answer(place, place.approach_m)
         if isinstance(before, UnreachedPlace):
-            return replace(before, reason=f"approaching it from {place.approach_m:g} m, {before.reason}")
+            return replace(
+                before, reason=f"approaching it from {place.approach_m:g} m, {before.reason}"
+            )
         return goal
 
     def target(self, place: Place, back_m: float = 0.0) -> Floats:
-        """T_base_flange for a place, backed off along the tool's z: (n, 4, 4), one for each angle of the tool."""
+        """T_base_flange for a place, backed off along the tool's z: (n, 4, 4), one for each
+        angle of the tool.
+        """
         ends = matmul(self._turned(place), transforms.translation(0.0, 0.0, -back_m))
         poses: Floats = matmul(ends, transforms.inverse(self.flange_to_end(place)))
         return poses
 
     def seen_at(self, place: Place, asked: Truths) -> Truths:
-        """At which angles of the tool (n,), of those that are asked about, the patch at a place is seen; all if nothing is declared."""
+        """At which angles of the tool (n,), of those that are asked about, the patch at a place
+        is seen; all if nothing is declared.
+        """
         if self.seeing(place) is None:
             return asked
         is_seen = asked.copy()
-        is_seen[asked] = [reason is None for reason in self._unseen_from(place, self._turned(place)[asked])]
+        is_seen[asked] = [
+            reason is None for reason in self._unseen_from(place, self._turned(place)[asked])
+        ]
         return is_seen
 
     def _turned(self, place: Place) -> Floats:
@@ -135,7 +160,9 @@ class PlaceReachability:
         if key not in self._seeing:
             how = self._world.cell.measuring.get(place.tool)
             sight = how.sight if how else None
-            self._seeing[key] = ScannerSight(self._world, *key, how, sight) if how and sight else None
+            self._seeing[key] = (
+                ScannerSight(self._world, *key, how, sight) if how and sight else None
+            )
         return self._seeing[key]
 
     def _unseen_from(self, place: Place, T_base_end: Floats) -> list[UnseenPatch | None]:
@@ -146,7 +173,9 @@ class PlaceReachability:
         return [seeing.unseen(place, T) for T in ends]
 
     def sees(self, place: Place, q: Floats) -> bool:
-        """Whether the patch at a place is seen at a configuration (k,) of its arm; where nothing is declared, it is."""
+        """Whether the patch at a place is seen at a configuration (k,) of its arm; where
+        nothing is declared, it is.
+        """
         if self.seeing(place) is None:
             return True
         T_base_end = matmul(self._world.models[place.arm].flange_pose(q), self.flange_to_end(place))
@@ -191,15 +220,17 @@ class PlaceReachability:
         return ReachedPlace(within[~hits])
 
     def _within_limits(self, arm: str, branches: Branches) -> Floats:
-        """Every branch of every pose that can be within the limits, with the whole turns that bring it
-        nearest to the arm's present configuration.
+        """Every branch of every pose that can be within the limits, with the whole turns that bring
+        it nearest to the arm's present configuration.
         """
         return reachable_nearest_turns(
             self._world.models[arm], branches.q[branches.valid], self._world.configurations[arm]
         )
 
     def whole(self, place: Place, q: Floats) -> Floats:
-        """Configurations of all arms: those given for one arm, with the other arms as they stand."""
+        """Configurations of all arms: those given for one arm, with the other arms as they
+        stand.
+        """
         first = self._world.first_carriers[place.arm]
         whole = np.repeat(self._world.configuration[None], len(q), axis=0)
         whole[:, first : first + q.shape[1]] = q
@@ -208,7 +239,8 @@ class PlaceReachability:
     def checker(self, place: Place) -> CollisionChecker:
         """A checker of the scene with the place's tool in hand.
 
-        What the place lists in `touches` may touch the tool and its parts; how deep is not asked here.
+        What the place lists in `touches` may touch the tool and its parts; how deep is not asked
+        here.
         """
         key = (place.arm, place.tool, place.touches)
         if key not in self._checkers:
@@ -217,7 +249,9 @@ class PlaceReachability:
         return self._checkers[key]
 
     def meeting(self, place: Place) -> CollisionChecker:
-        """A checker of what touches by intention at a place, and of nothing else: of few pairs, whose depths are exact."""
+        """A checker of what touches by intention at a place, and of nothing else: of few pairs,
+        whose depths are exact.
+        """
         key = (place.arm, place.tool, place.touches)
         if key not in self._meetings:
             scene = scene_of_pairs(self._holding(place), self.intended(place))
@@ -225,25 +259,39 @@ class PlaceReachability:
         return self._meetings[key]
 
     def shallow(self, place: Place) -> CollisionChecker:
-        """A checker that knows both: what may touch at a place must not do so deeper than the place says."""
+        """A checker that knows both: what may touch at a place must not do so deeper than the
+        place says.
+        """
         checker = self.checker(place)
-        return ShallowChecker(checker, self.meeting(place), place.depth_m) if place.touches else checker
+        return (
+            ShallowChecker(checker, self.meeting(place), place.depth_m)
+            if place.touches
+            else checker
+        )
 
     def collides(self, place: Place, whole: Floats) -> Truths:
-        """Whether something touches that must not at a place, or is touched deeper than it may be, for configurations (n, k)."""
+        """Whether something touches that must not at a place, or is touched deeper than it may
+        be, for configurations (n, k).
+        """
         return self.shallow(place).collides(whole)
 
     def contacts(self, place: Place, whole: Floats) -> tuple[Contact, ...]:
-        """What touches at a place and must not, or deeper than it may, in one configuration (k,): the deepest first."""
+        """What touches at a place and must not, or deeper than it may, in one configuration
+        (k,): the deepest first.
+        """
         return self.shallow(place).contacts(whole)
 
     def _holding(self, place: Place) -> GeometricWorld:
         return self._world.held(place.tool, place.arm) if place.tool else self._world
 
     def intended(self, place: Place) -> frozenset[frozenset[str]]:
-        """The pairs that touch by intention at a place: its `touches`, with the last two links and what the arm carries."""
+        """The pairs that touch by intention at a place: its `touches`, with the last two links
+        and what the arm carries.
+        """
         world = self._holding(place)
-        carried = [body for body in world.cell.bodies if f"{place.arm}.base" in world.supports(body)[1:]]
+        carried = [
+            body for body in world.cell.bodies if f"{place.arm}.base" in world.supports(body)[1:]
+        ]
         links = [f"{place.arm}.{link.name}" for link in world.cell.arms[place.arm].arm.links[-2:]]
         ends = [*carried, *links]
         return frozenset(frozenset((end, touch)) for end in ends for touch in place.touches)
@@ -263,7 +311,9 @@ class PlaceReachability:
         )
         if self._kinematics[place.arm].solve(any_way).valid.any():
             reason = f"{place.arm} reaches the position, but not in this orientation"
-            return UnreachedPlace(reason, "give it another `rpy`, or let the tool turn with `turns: true`")
+            return UnreachedPlace(
+                reason, "give it another `rpy`, or let the tool turn with `turns: true`"
+            )
         away = f"{norm(position):.2f} m from its base"
         return UnreachedPlace(
             f"it is out of the reach of {place.arm}: {away}", "move the place, or the arm's base"
@@ -289,9 +339,9 @@ class PlaceReachability:
     def _why_limited(self, place: Place, branches: Branches) -> UnreachedPlace:
         """The joint that leaves its limits in the best branch, and by how much."""
         model = self._world.models[place.arm]
-        q = branches.q[branches.valid][:, :, None] + np.where(model.joints.prismatic, 0.0, 2 * math.pi)[
-            :, None
-        ] * [
+        q = branches.q[branches.valid][:, :, None] + np.where(
+            model.joints.prismatic, 0.0, 2 * math.pi
+        )[:, None] * [
             -1,
             0,
             1,
@@ -319,7 +369,9 @@ def _tried_orientations() -> Floats:
 
 def _contact_hint(place: Place, contacts: Iterable[Contact]) -> str:
     """What to try where contacts refuse a place."""
-    if any(place.touches and {contact.first, contact.second} & {*place.touches} for contact in contacts):
+    if any(
+        place.touches and {contact.first, contact.second} & {*place.touches} for contact in contacts
+    ):
         return "move the place, or allow more `depth` to what it `touches`"
     return "move what is in the way, or name in `touches` what may be in contact there"
 

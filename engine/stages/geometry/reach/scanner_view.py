@@ -1,7 +1,8 @@
 """Whether a scanner sees the patch that it measures: in range, not too flat, nothing in between.
 
-From each eye of the tool a pyramid stands on the patch; what meets it is in the way. The patch is lifted a little off the
-surface that it lies on. The arm that carries the tool and what it holds are behind the eyes, and are left out.
+From each eye of the tool a pyramid stands on the patch; what meets it is in the way. The patch is
+lifted a little off the surface that it lies on. The arm that carries the tool and what it holds are
+behind the eyes, and are left out.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +22,8 @@ from cellwright.kb.model.cell_model import Measuring, Place, Sight
 PYRAMID_CORNERS = 5  # of a pyramid
 ROUNDING_RAD = 1e-9
 LIFTED_M = 0.002  # how far the patch is off the surface: what bulges less is not in the way
-PATCH_CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])  # corners of a patch of side 1
+# corners of a patch of side 1
+PATCH_CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +36,9 @@ class UnseenPatch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PatchView:
-    """Where the eyes (e, 3) and the corners of the patch (4, 3) are in the world, and the normal of the surface (3,)."""
+    """Where the eyes (e, 3) and the corners of the patch (4, 3) are in the world, and the
+    normal of the surface (3,).
+    """
 
     eyes: Floats
     patch: Floats
@@ -47,7 +51,9 @@ class PatchView:
 
 
 class StandingPieces:
-    """The pieces that may be in the way of the eyes of a tool, packed in the world: all but what one arm carries."""
+    """The pieces that may be in the way of the eyes of a tool, packed in the world: all but
+    what one arm carries.
+    """
 
     def __init__(self, world: GeometricWorld, arm: str) -> None:
         first = world.first_carriers[arm]
@@ -75,24 +81,34 @@ class StandingPieces:
         for n in np.nonzero(((self._low <= high) & (self._high >= low)).all(axis=1))[0]:
             piece, start, count = self._pieces[n], int(self._starts[n]), int(self._counts[n])
             if piece.body not in culprits:
-                apart_m = self._near.separation(start, count, piece.radius_m, last, PYRAMID_CORNERS, 0.0)
+                apart_m = self._near.separation(
+                    start, count, piece.radius_m, last, PYRAMID_CORNERS, 0.0
+                )
                 culprits |= {piece.body} if apart_m < 0.0 else set()
         return culprits
 
 
 class ScannerSight:
-    """What one tool sees in the hand of one arm, in one world, where the tool is declared as a scanner."""
+    """What one tool sees in the hand of one arm, in one world, where the tool is declared as a
+    scanner.
+    """
 
-    def __init__(self, world: GeometricWorld, arm: str, tool: str, how: Measuring, sight: Sight) -> None:
+    def __init__(
+        self, world: GeometricWorld, arm: str, tool: str, how: Measuring, sight: Sight
+    ) -> None:
         self._world, self._tool, self._how, self._sight = world.held(tool, arm), tool, how, sight
         self._standing = StandingPieces(self._world, arm)
         features = world.cell.bodies[tool].features
         T_tip_tool = transforms.inverse(transforms.of_pose(features["tip"]))
-        eyes = [matmul(T_tip_tool, transforms.of_pose(features[name]))[:3, 3] for name in sight.eyes]
+        eyes = [
+            matmul(T_tip_tool, transforms.of_pose(features[name]))[:3, 3] for name in sight.eyes
+        ]
         self._eyes = np.array(eyes) - np.array([0.0, 0.0, sight.back_m])
 
     def view(self, place: Place, T_world_tip: Floats) -> PatchView:
-        """Where the eyes and the patch are when the tip of the tool is at a pose (4, 4) at a place."""
+        """Where the eyes and the patch are when the tip of the tool is at a pose (4, 4) at a
+        place.
+        """
         at = place.surface or place.placement
         T = matmul(self._world.pose("world", at.parent), transforms.of_pose(at.pose))
         normal = -T[:3, 2]
@@ -104,7 +120,9 @@ class ScannerSight:
         return PatchView(eyes, T[:3, 3] + LIFTED_M * normal + sides, normal)
 
     def unseen(self, place: Place, T_world_tip: Floats) -> UnseenPatch | None:
-        """Why the patch at a place is not seen with the tip of the tool at a pose (4, 4); None if it is seen."""
+        """Why the patch at a place is not seen with the tip of the tool at a pose (4, 4); None
+        if it is seen.
+        """
         view = self.view(place, T_world_tip)
         middle = view.patch.mean(axis=0)
         for name, eye in zip(self._sight.eyes, view.eyes, strict=True):
@@ -123,7 +141,9 @@ class ScannerSight:
         culprits = tuple(sorted(set().union(*hidden.values())))
         are = "is" if len(culprits) == 1 else "are"
         eyes = " and ".join(hidden)
-        return UnseenPatch(f"{', '.join(culprits)} {are} between it and the {eyes} of {self._tool}", culprits)
+        return UnseenPatch(
+            f"{', '.join(culprits)} {are} between it and the {eyes} of {self._tool}", culprits
+        )
 
     def _out_of_bounds(self, eye: str, rays: Floats, normal: Floats) -> UnseenPatch | None:
         """Whether rays (n, 3) from an eye to the patch are too short, too long or too flat."""
@@ -132,21 +152,24 @@ class ScannerSight:
         if far.min() < least or far.max() > most:
             away = far.min() if far.min() < least else far.max()
             problem = (
-                f"the {eye} of {self._tool} is {away:.2f} m from it, and sees from {least:g} to {most:g} m"
+                f"the {eye} of {self._tool} is {away:.2f} m from it, and sees from {least:g} to "
+                f"{most:g} m"
             )
             return UnseenPatch(problem)
         angle = float(np.arccos((-matmul(rays, normal) / far).clip(-1.0, 1.0)).max())
         if angle > self._sight.incidence_rad + ROUNDING_RAD:
             shown, limit = np.degrees(angle), np.degrees(self._sight.incidence_rad)
             problem = (
-                f"the {eye} of {self._tool} looks at it {shown:.0f} degrees off the normal, {limit:g} at most"
+                f"the {eye} of {self._tool} looks at it {shown:.0f} degrees off the normal, "
+                f"{limit:g} at most"
             )
             return UnseenPatch(problem)
         return None
 
 
 def best_reason(reasons: Sequence[UnseenPatch | None]) -> UnseenPatch:
-    """The reason that is told of several, at least one: a view with something in the way if there is one.
+    """The reason that is told of several, at least one: a view with something in the way if there
+    is one.
 
     The culprits are all that are in the way in any view.
     """

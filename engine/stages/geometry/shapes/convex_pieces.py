@@ -33,7 +33,11 @@ def nearest_of_bodies(contacts: Iterable[Contact]) -> tuple[Contact, ...]:
     return tuple(
         sorted(
             best.values(),
-            key=lambda contact_entry: (contact_entry.distance_m, contact_entry.first, contact_entry.second),
+            key=lambda contact_entry: (
+                contact_entry.distance_m,
+                contact_entry.first,
+                contact_entry.second,
+            ),
         )
     )
 
@@ -89,15 +93,17 @@ def select_pieces(pieces: Pieces, numbers: Longs) -> Pieces:
 
 
 def pack_with_bounds(scene: CollisionScene) -> tuple[Pieces, Longs]:
-    """The pieces of a scene, with bounds added around pieces that move together, and for each piece the
-    number of its bounds.
+    """The pieces of a scene, with bounds added around pieces that move together, and for each piece
+    the number of its bounds.
 
     Standing pieces have bounds for each body, moving pieces for each carrier.
     """
     pieces = list(scene.pieces)
     members: dict[tuple[str, int], list[int]] = {}
     for number, piece in enumerate(pieces):
-        members.setdefault((piece.body if piece.carrier == 0 else "", piece.carrier), []).append(number)
+        members.setdefault((piece.body if piece.carrier == 0 else "", piece.carrier), []).append(
+            number
+        )
     bound_of = np.zeros(len(pieces), dtype=np.int64)
     for numbers in members.values():
         bound_of[numbers] = numbers[0] if len(numbers) == 1 else len(pieces)
@@ -107,8 +113,8 @@ def pack_with_bounds(scene: CollisionScene) -> tuple[Pieces, Longs]:
 
 
 def group_pairs(pairs: Longs, bound_of: Longs, kept: Truths | None = None) -> Pairs:
-    """The pairs (m, 2) that are `kept` (all of them if not given), in the order of their bounds, then of
-    their first pieces.
+    """The pairs (m, 2) that are `kept` (all of them if not given), in the order of their bounds,
+    then of their first pieces.
     """
     numbers = np.arange(len(pairs)) if kept is None else np.nonzero(kept)[0]
     pairs = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)[numbers]
@@ -119,7 +125,9 @@ def group_pairs(pairs: Longs, bound_of: Longs, kept: Truths | None = None) -> Pa
     rows = np.column_stack([groups, firsts, ends]).astype(np.int64).reshape(-1, 4)
     runs = np.column_stack([sides[order], pairs[order, 0]])
     changes = np.nonzero((np.diff(runs, axis=0) != 0).any(axis=1))[0] + 1
-    after = np.append(changes, len(pairs))[np.searchsorted(changes, np.arange(len(pairs)), side="right")]
+    after = np.append(changes, len(pairs))[
+        np.searchsorted(changes, np.arange(len(pairs)), side="right")
+    ]
     return Pairs(np.ascontiguousarray(pairs[order]), rows, after.astype(np.int64), numbers[order])
 
 
@@ -136,7 +144,9 @@ def bounding_block(pieces: Sequence[ConvexPiece]) -> ConvexPiece:
 
 
 def _extent_along(pieces: Sequence[ConvexPiece], axes: Floats) -> tuple[Floats, Floats]:
-    """The least and the greatest coordinates (3,) of pieces with as many vertices each, along axes (3, 3: columns)."""
+    """The least and the greatest coordinates (3,) of pieces with as many vertices each, along
+    axes (3, 3: columns).
+    """
     T = np.array([piece.T_carrier_piece for piece in pieces])
     along = matmul(transforms.apply(T, np.array([piece.vertices for piece in pieces])), axes)
     radius = np.array([piece.radius_m for piece in pieces])[:, None]
@@ -144,16 +154,16 @@ def _extent_along(pieces: Sequence[ConvexPiece], axes: Floats) -> tuple[Floats, 
 
 
 def block_between(like: ConvexPiece, axes: Floats, low: Floats, high: Floats) -> ConvexPiece:
-    """The block between two corners (3,), whose coordinates are along axes (3, 3: columns), with the body and
-    the carrier of a piece.
+    """The block between two corners (3,), whose coordinates are along axes (3, 3: columns), with
+    the body and the carrier of a piece.
     """
     T = transforms.transform(axes, matmul(axes, (low + high) / 2))
     return ConvexPiece(like.body, like.carrier, T, BLOCK_CORNERS * (high - low), 0.0, box=True)
 
 
 def _piece_bounds(pieces: Sequence[ConvexPiece], T: Floats, corners: Floats) -> Floats:
-    """Bounds (n, 18) of pieces with T_carrier_piece (n, 4, 4) and as many corners each (n, m, 3): the ball around a piece,
-    and the block around its vertices along the axes of its own frame.
+    """Bounds (n, 18) of pieces with T_carrier_piece (n, 4, 4) and as many corners each (n, m, 3):
+    the ball around a piece, and the block around its vertices along the axes of its own frame.
     """
     low, high = corners.min(axis=1), corners.max(axis=1)
     middle = (low + high) / 2
@@ -194,6 +204,8 @@ def length_of(piece: ConvexPiece) -> float:
 
 
 def refuse_rounded(piece: ConvexPiece, library: str) -> None:
-    """Raises `ValueError` for a polytope with a radius, because other libraries do not have this shape."""
+    """Raises `ValueError` for a polytope with a radius, because other libraries do not have
+    this shape.
+    """
     if len(piece.vertices) > 2 and piece.radius_m:
         raise ValueError(f"{library} has no rounded polytopes: {piece.body}")

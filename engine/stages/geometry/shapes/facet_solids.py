@@ -23,17 +23,24 @@ SAME_POINT = 1e-6  # of the size: what is nearer is one point, or lies in one pl
 
 
 def solid_of(body: Body) -> Solid:
-    """The surface of a body. Raises `InvalidInput` for a shape without volume, `ValueError` for a body without a shape."""
+    """The surface of a body.
+
+    Raises `InvalidInput` for a shape without volume, `ValueError` for a body without a shape.
+    """
     if not body.shapes:
         raise ValueError(f"'{body.name}' has no shape")
     return make_solid(body.name, [part for placed in body.shapes for part in _shape_faces(placed)])
 
 
 def _shape_faces(placed: PlacedShape) -> list[tuple[str, Floats]]:
-    """Names and triangles (t, 3, 3) of what a shape's surface is made of; the name is empty if the surface has none."""
+    """Names and triangles (t, 3, 3) of what a shape's surface is made of; the name is empty if
+    the surface has none.
+    """
     named = shape_features(placed).faces
     if named:
-        return [(name, triangulate_polygon(face.corners, face.normal)) for name, face in named.items()]
+        return [
+            (name, triangulate_polygon(face.corners, face.normal)) for name, face in named.items()
+        ]
     T = transforms.of_pose(placed.pose)
     if isinstance(placed.shape, Mesh):
         mesh = read_mesh(Path(placed.shape.path))
@@ -45,7 +52,9 @@ def _shape_faces(placed: PlacedShape) -> list[tuple[str, Floats]]:
 
 
 def triangulate_polygon(corners: Floats, normal: Floats) -> Floats:
-    """The triangles (n - 2, 3, 3) of a plane polygon (n, 3) without holes, by cutting off ears (Meisters 1975)."""
+    """The triangles (n - 2, 3, 3) of a plane polygon (n, 3) without holes, by cutting off ears
+    (Meisters 1975).
+    """
     open_, ears = list(range(len(corners))), []
     while len(open_) > 3:
         ear = next((n for n in range(len(open_)) if _is_ear(corners, open_, n, normal)), 0)
@@ -60,7 +69,9 @@ def _is_ear(corners: Floats, open_: Sequence[int], n: int, normal: Floats) -> bo
     a, b, c = (corners[open_[k % len(open_)]] for k in (n - 1, n, n + 1))
     if matmul(np.cross(b - a, c - b), normal) <= 0:
         return False
-    remaining = np.array([corners[k] for k in open_ if not any((corners[k] == x).all() for x in (a, b, c))])
+    remaining = np.array(
+        [corners[k] for k in open_ if not any((corners[k] == x).all() for x in (a, b, c))]
+    )
     if not len(remaining):
         return True
     inside = np.ones(len(remaining), dtype=bool)
@@ -70,19 +81,31 @@ def _is_ear(corners: Floats, open_: Sequence[int], n: int, normal: Floats) -> bo
 
 
 def make_solid(name: str, surfaces: Sequence[tuple[str, Floats]]) -> Solid:
-    """The solid with these surfaces: names, and triangles (t, 3, 3) counter-clockwise seen from outside."""
+    """The solid with these surfaces: names, and triangles (t, 3, 3) counter-clockwise seen from
+    outside.
+    """
     corners = np.concatenate([triangles for _, triangles in surfaces])
     labels = [label for label, triangles in surfaces for _ in triangles]
     area = np.linalg.norm(_corner_normals(corners), axis=1)
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
     keep = area > (SAME_POINT * size) ** 2
-    corners, labels = corners[keep], [label for label, is_kept in zip(labels, keep, strict=True) if is_kept]
+    corners, labels = (
+        corners[keep],
+        [label for label, is_kept in zip(labels, keep, strict=True) if is_kept],
+    )
     ids = _number_corners(corners, size)
     group = _group_triangles(corners, ids, labels, size)
-    owner = {(int(a), int(b)): n for n, t in enumerate(ids) for a, b in zip(t, np.roll(t, -1), strict=True)}
+    owner = {
+        (int(a), int(b)): n
+        for n, t in enumerate(ids)
+        for a, b in zip(t, np.roll(t, -1), strict=True)
+    }
     points = np.zeros((int(ids.max()) + 1, 3))
     points[ids.reshape(-1)] = corners.reshape(-1, 3)
-    facets = [_make_facet(n, group, ids, points, corners, labels, owner) for n in range(int(group.max()) + 1)]
+    facets = [
+        _make_facet(n, group, ids, points, corners, labels, owner)
+        for n in range(int(group.max()) + 1)
+    ]
     return Solid(name, np.ascontiguousarray(corners), group, tuple(facets))
 
 
@@ -99,10 +122,16 @@ def _number_corners(corners: Floats, size: float) -> Longs:
 
 
 def _group_triangles(corners: Floats, ids: Longs, labels: Sequence[str], size: float) -> Longs:
-    """The number of the facet of each triangle (m,): neighbours in one plane and of one name are one."""
+    """The number of the facet of each triangle (m,): neighbours in one plane and of one name
+    are one.
+    """
     normals = _corner_normals(corners)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    by_edge = {(int(a), int(b)): n for n, t in enumerate(ids) for a, b in zip(t, np.roll(t, -1), strict=True)}
+    by_edge = {
+        (int(a), int(b)): n
+        for n, t in enumerate(ids)
+        for a, b in zip(t, np.roll(t, -1), strict=True)
+    }
     group, count = np.full(len(ids), -1, dtype=np.int64), 0
     for first in range(len(ids)):
         if group[first] >= 0:
@@ -114,8 +143,13 @@ def _group_triangles(corners: Floats, ids: Longs, labels: Sequence[str], size: f
                 neighbour = by_edge.get((int(b), int(a)), -1)
                 if neighbour < 0 or group[neighbour] >= 0 or labels[neighbour] != labels[first]:
                     continue
-                height = np.abs(matmul(corners[neighbour] - corners[first, 0], normals[first])).max()
-                if height < 10 * SAME_POINT * size and matmul(normals[neighbour], normals[first]) > 1 - 1e-6:
+                height = np.abs(
+                    matmul(corners[neighbour] - corners[first, 0], normals[first])
+                ).max()
+                if (
+                    height < 10 * SAME_POINT * size
+                    and matmul(normals[neighbour], normals[first]) > 1 - 1e-6
+                ):
                     group[neighbour] = count
                     stack.append(neighbour)
         count += 1
@@ -139,7 +173,10 @@ def _make_facet(
     rim = _straighten_rim([edge for edge in directed if edge[::-1] not in inside], points)
     edges = np.array([[points[a], points[b]] for a, b, _, _ in rim]).reshape(-1, 2, 3)
     convex = np.array(
-        [_falls_back(owner.get((d, c)), corners, points[d] - points[c], normal) for _, _, c, d in rim]
+        [
+            _falls_back(owner.get((d, c)), corners, points[d] - points[c], normal)
+            for _, _, c, d in rim
+        ]
     )
     name = labels[int(own[0])] or f"facet_{n + 1}"
     return Facet(
@@ -152,7 +189,9 @@ def _make_facet(
 
 
 def _straighten_rim(rim: list[tuple[int, int]], points: Floats) -> list[tuple[int, int, int, int]]:
-    """Edges (from, to) of which none goes straight on from another, each with one of the edges that it was made of."""
+    """Edges (from, to) of which none goes straight on from another, each with one of the edges
+    that it was made of.
+    """
     after: dict[int, list[int]] = {}
     for a, b in rim:
         after.setdefault(a, []).append(b)
@@ -160,7 +199,11 @@ def _straighten_rim(rim: list[tuple[int, int]], points: Floats) -> list[tuple[in
     edges = []
     for a, b in rim:
         before = starts.get(a)
-        if before is not None and len(after[a]) == 1 and _goes_straight(points[before], points[a], points[b]):
+        if (
+            before is not None
+            and len(after[a]) == 1
+            and _goes_straight(points[before], points[a], points[b])
+        ):
             continue
         end, previous = b, a
         while len(after.get(end, ())) == 1 and _goes_straight(

@@ -18,7 +18,8 @@ class FlatError(ValueError):
 
 
 def hull_triangles(points: Floats) -> Longs:
-    """The hull of points (n, 3) as triangles (m, 3) of indices, counter-clockwise seen from outside.
+    """The hull of points (n, 3) as triangles (m, 3) of indices, counter-clockwise seen from
+    outside.
 
     Raises `FlatError` when all points lie within 1e-9 of their extent of one plane.
     """
@@ -116,7 +117,9 @@ def _in_any(points: Floats, around: "list[_ConvexPiece]") -> Truths:
     return is_covered
 
 
-def _inside_one(centres: Floats, axes: Floats, half: Floats, around: "list[_ConvexPiece]") -> Truths:
+def _inside_one(
+    centres: Floats, axes: Floats, half: Floats, around: "list[_ConvexPiece]"
+) -> Truths:
     """Which cells lie within one of the others."""
     corners = (centres[:, None] + matmul(2 * BLOCK_CORNERS * half, axes)).reshape(-1, 3)
     is_inside = np.zeros(len(centres), dtype=bool)
@@ -137,7 +140,9 @@ class _ConvexPiece:
 
     @cached_property
     def block(self) -> tuple[Floats, Floats, Floats]:
-        """Axes as rows, the middle (1, 3) and the half sizes of the block around the whole piece."""
+        """Axes as rows, the middle (1, 3) and the half sizes of the block around the whole
+        piece.
+        """
         low, high = self.piece.vertices.min(axis=0), self.piece.vertices.max(axis=0)
         middle = transforms.apply(self.piece.T_carrier_piece, ((low + high) / 2)[None])
         return self.piece.T_carrier_piece[:3, :3].T, middle, (high - low) / 2 + self.piece.radius_m
@@ -146,15 +151,18 @@ class _ConvexPiece:
     def planes(self) -> tuple[Floats, Floats]:
         """Outward normals (m, 3) and offsets (m,) of a polytope's sides."""
         if self.piece.box:
-            normals = matmul(np.concatenate([np.eye(3), -np.eye(3)]), self.piece.T_carrier_piece[:3, :3].T)
+            normals = matmul(
+                np.concatenate([np.eye(3), -np.eye(3)]), self.piece.T_carrier_piece[:3, :3].T
+            )
             return normals, (matmul(self.vertices, normals.T)).max(axis=0)
         return hull_planes(self.vertices, hull_triangles(self.vertices))
 
     def holds(self, inner: "_ConvexPiece") -> bool:
         """Whether this piece contains all of another one.
 
-        By the cancellation law of convex sets, a hull grown by r lies in a hull grown by s exactly if the
-        first hull, grown by r - s, lies in the second (or, if s > r, the first lies in the second shrunk by s
+        By the cancellation law of convex sets, a hull grown by r lies in a hull grown by s exactly
+        if the first hull, grown by r - s, lies in the second (or, if s > r, the first lies in the
+        second shrunk by s
         - r).
         """
         return bool(
@@ -172,7 +180,10 @@ class _ConvexPiece:
         return self._measured(points) - self.piece.radius_m
 
     def surely_without(self, centres: Floats, half: Floats) -> Truths:
-        """Which cells are surely outside the piece. A cell that is outside but near may be missed."""
+        """Which cells are surely outside the piece.
+
+        A cell that is outside but near may be missed.
+        """
         far: Truths = self._signed(centres) > self.piece.radius_m + norm(half) + COVER_ROUNDING_M
         return far
 
@@ -205,6 +216,10 @@ class _ConvexPiece:
 def _from_segment(points: Floats, ends: Floats) -> Floats:
     along = ends[-1] - ends[0]
     square = float(matmul(along, along))
-    t = (matmul(points - ends[0], along) / square).clip(0.0, 1.0) if square > 0 else np.zeros(len(points))
+    t = (
+        (matmul(points - ends[0], along) / square).clip(0.0, 1.0)
+        if square > 0
+        else np.zeros(len(points))
+    )
     distance: Floats = np.linalg.norm(points - ends[0] - t[:, None] * along, axis=1)
     return distance

@@ -1,8 +1,9 @@
 """Reads mesh files as triangles, reports meshes that are not solid, makes convex pieces of them.
 
-Files are read by trimesh: STL, OBJ, and Collada (DAE) in its own unit. A component that is not convex is divided by CoACD
-(Wei et al. 2022), whose pieces hold all of it. Without CoACD its triangles are the pieces: what is near the surface is right,
-but a body wholly inside is not noticed; `check` says so.
+Files are read by trimesh: STL, OBJ, and Collada (DAE) in its own unit. A component that is not
+convex is divided by CoACD (Wei et al. 2022), whose pieces hold all of it. Without CoACD its
+triangles are the pieces: what is near the surface is right, but a body wholly inside is not
+noticed; `check` says so.
 """
 
 import contextlib
@@ -58,12 +59,16 @@ def read_mesh(path: Path) -> TriangleMesh:
             path, f"the mesh cannot be read: {detail}", "export it again as STL, OBJ or DAE"
         ) from None
     if not _is_sound(vertices, triangles):
-        raise _refuse_mesh(path, "a mesh without triangles, or with endless ones", "export it again")
+        raise _refuse_mesh(
+            path, "a mesh without triangles, or with endless ones", "export it again"
+        )
     return _clean_mesh(vertices, triangles)
 
 
 def _is_sound(vertices: Floats, triangles: Longs) -> bool:
-    """Whether there are triangles, between vertices that are there, with coordinates that can be calculated with."""
+    """Whether there are triangles, between vertices that are there, with coordinates that can
+    be calculated with.
+    """
     if (
         not len(triangles)
         or vertices.ndim != 2
@@ -79,7 +84,10 @@ def _refuse_mesh(path: Path, message: str, hint: str) -> InvalidInput:
 
 
 def _read_triangles(data: bytes, kind: str) -> tuple[Floats, Longs]:
-    """Vertices and triangles of a file of one kind, in metres if it tells its unit. No other file is opened."""
+    """Vertices and triangles of a file of one kind, in metres if it tells its unit.
+
+    No other file is opened.
+    """
     import trimesh
 
     if kind == "dae" and (b"<!DOCTYPE" in data or b"<!ENTITY" in data):
@@ -88,7 +96,10 @@ def _read_triangles(data: bytes, kind: str) -> tuple[Floats, Longs]:
         mesh = trimesh.load_scene(
             io.BytesIO(data), file_type=kind, process=False, skip_materials=True
         ).to_mesh()
-    vertices, triangles = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64)
+    vertices, triangles = (
+        np.asarray(mesh.vertices, dtype=float),
+        np.asarray(mesh.faces, dtype=np.int64),
+    )
     if len(triangles) > MAX_TRIANGLES:
         raise ValueError(f"more than {MAX_TRIANGLES} triangles")
     if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
@@ -127,7 +138,10 @@ def mesh_components(mesh: TriangleMesh) -> list[TriangleMesh]:
 
 
 def convex_pieces(path: Path, where: Source) -> tuple[Floats, ...]:
-    """The corners of the convex pieces that fill the mesh in a file. Raises `InvalidInput`, also for a part without volume."""
+    """The corners of the convex pieces that fill the mesh in a file.
+
+    Raises `InvalidInput`, also for a part without volume.
+    """
     try:
         status = path.stat()
         return _pieces_of(path, status.st_mtime_ns, status.st_size, where)
@@ -154,7 +168,8 @@ def _pieces_of(path: Path, _changed_ns: int, _size: int, where: Source) -> tuple
 
 
 def is_convex(mesh: TriangleMesh) -> bool:
-    """Whether the middle and the corners of every triangle are at the hull of all, except for a thousandth of the size.
+    """Whether the middle and the corners of every triangle are at the hull of all, except for a
+    thousandth of the size.
 
     Raises `FlatError` for a mesh without volume.
     """
@@ -173,16 +188,25 @@ def has_decomposer() -> bool:
 
 
 def _divide_component(mesh: TriangleMesh) -> list[Floats]:
-    """The corners of convex pieces that hold a component which is not convex; its triangles, without CoACD."""
+    """The corners of convex pieces that hold a component which is not convex; its triangles,
+    without CoACD.
+    """
     if not has_decomposer():
         return list(mesh.vertices[mesh.triangles])
     import coacd
 
     coacd.set_log_level("error")
-    parts = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.triangles), threshold=MAX_CONCAVITY, seed=0)
+    parts = coacd.run_coacd(
+        coacd.Mesh(mesh.vertices, mesh.triangles), threshold=MAX_CONCAVITY, seed=0
+    )
     return [hull_vertices(np.asarray(vertices, dtype=float)) for vertices, _ in parts]
 
 
 def surface_only(path: Path) -> bool:
-    """Whether some component of the mesh in a file stands for its surface alone. Raises as `convex_pieces` does."""
-    return not has_decomposer() and any(not is_convex(part) for part in mesh_components(read_mesh(path)))
+    """Whether some component of the mesh in a file stands for its surface alone.
+
+    Raises as `convex_pieces` does.
+    """
+    return not has_decomposer() and any(
+        not is_convex(part) for part in mesh_components(read_mesh(path))
+    )

@@ -77,7 +77,9 @@ def _sector_prisms(inner: Floats, outer: Floats, length_m: float) -> list[Floats
 
 def _prism_vertices(corners: Floats, length_m: float) -> Floats:
     half = length_m / 2
-    return np.concatenate([np.column_stack([corners, np.full(len(corners), z)]) for z in (-half, half)])
+    return np.concatenate(
+        [np.column_stack([corners, np.full(len(corners), z)]) for z in (-half, half)]
+    )
 
 
 def _square_around(hole: Hole) -> Rectangle:
@@ -139,7 +141,9 @@ class ConvexCore:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PatchFace:
-    """A planar face: corners (n, 3) counter-clockwise from outside, and its outward unit normal (3,)."""
+    """A planar face: corners (n, 3) counter-clockwise from outside, and its outward unit normal
+    (3,).
+    """
 
     name: str
     corners: Floats
@@ -156,7 +160,10 @@ class Features:
 
 
 def shape_cores(shape: Shape) -> list[ConvexCore]:
-    """The convex pieces of a shape in its own frame. Raises `InvalidInput` for one without volume."""
+    """The convex pieces of a shape in its own frame.
+
+    Raises `InvalidInput` for one without volume.
+    """
     match shape:
         case Sphere():
             return [ConvexCore(np.zeros((1, 3)), shape.radius_m)]
@@ -171,7 +178,9 @@ def shape_cores(shape: Shape) -> list[ConvexCore]:
             return _several_cores(shape)
 
 
-def _several_cores(shape: Ring | Plate | Polyhedron | Mesh | HeightField | PointSet) -> list[ConvexCore]:
+def _several_cores(
+    shape: Ring | Plate | Polyhedron | Mesh | HeightField | PointSet,
+) -> list[ConvexCore]:
     match shape:
         case Ring():
             return [ConvexCore(piece) for piece in ring_pieces(shape)]
@@ -188,11 +197,17 @@ def _several_cores(shape: Ring | Plate | Polyhedron | Mesh | HeightField | Point
 
 
 def _scaled_mesh(mesh: Mesh) -> list[Floats]:
-    """The corners of a mesh's pieces. Raises `InvalidInput` also for one that is larger than any cell, or nothing at all."""
+    """The corners of a mesh's pieces.
+
+    Raises `InvalidInput` also for one that is larger than any cell, or nothing at all.
+    """
     pieces = [piece * mesh.scale for piece in convex_pieces(Path(mesh.path), mesh.where)]
     corners = np.concatenate(pieces)
     if not np.abs(corners).max() <= MAX_MAGNITUDE:
-        message, hint = f"the mesh is larger than {MAX_MAGNITUDE:g} m", "check its unit, and `scale`"
+        message, hint = (
+            f"the mesh is larger than {MAX_MAGNITUDE:g} m",
+            "check its unit, and `scale`",
+        )
         raise InvalidInput([Diagnostic(mesh.where, "K702", message, hint)])
     if np.ptp(corners, axis=0).min() < MIN_THICKNESS_M:
         message, hint = "the scaled mesh has no volume", "check its unit, and `scale`"
@@ -225,7 +240,9 @@ def _polyhedron_cores(shape: Polyhedron) -> list[ConvexCore]:
             hull_triangles(vertices)
         except FlatError as error:
             message = f"a convex piece has no volume: {error}"
-            raise InvalidInput([Diagnostic(shape.where, "K702", message, "give it another vertex")]) from None
+            raise InvalidInput(
+                [Diagnostic(shape.where, "K702", message, "give it another vertex")]
+            ) from None
         polyhedron_cores.append(ConvexCore(vertices))
     return polyhedron_cores
 
@@ -246,7 +263,9 @@ def _height_columns(field: HeightField) -> list[ConvexCore]:
             bottom[:, 2] = np.minimum(field.floor_m, top[:, 2].min())
             if top[:, 2].max() - bottom[0, 2] < MIN_HEIGHT_SHARE * max(dx, dy):
                 message = f"the height field has no volume at row {row + 1}, column {column + 1}"
-                raise InvalidInput([Diagnostic(field.where, "K702", message, "give it a lower `floor`")])
+                raise InvalidInput(
+                    [Diagnostic(field.where, "K702", message, "give it a lower `floor`")]
+                )
             height_prisms.append(ConvexCore(np.unique(np.concatenate([top, bottom]), axis=0)))
     return height_prisms
 
@@ -281,7 +300,10 @@ def _moved_features(
 ) -> Features:
     placed = {name: transforms.apply(T, point[None])[0] for name, point in vertices.items()}
     return Features(
-        {name: _patch_face(name, np.array([placed[v] for v in corners])) for name, corners in faces.items()},
+        {
+            name: _patch_face(name, np.array([placed[v] for v in corners]))
+            for name, corners in faces.items()
+        },
         {name: np.array([placed[v] for v in ends]) for name, ends in edges.items()},
         placed,
     )
@@ -302,7 +324,11 @@ def _box_features(box: Box) -> tuple[dict[str, Floats], dict[str, list[str]], di
     A vertex has the names of the three sides that meet there, an edge those of two.
     """
     half = np.array(box.size_m) / 2
-    sides = [[("left", -1), ("right", 1)], [("front", -1), ("back", 1)], [("bottom", -1), ("top", 1)]]
+    sides = [
+        [("left", -1), ("right", 1)],
+        [("front", -1), ("back", 1)],
+        [("bottom", -1), ("top", 1)],
+    ]
     vertices = {f"{x}_{y}_{z}": half * (i, j, k) for (x, i), (y, j), (z, k) in product(*sides)}
     faces: dict[str, list[str]] = {}
     for name, (axis, side) in BOX_FACES.items():
@@ -321,7 +347,9 @@ def _box_features(box: Box) -> tuple[dict[str, Floats], dict[str, list[str]], di
 
 def _vertex_name(vertices: dict[str, Floats], signs: dict[int, int]) -> str:
     return next(
-        name for name, p in vertices.items() if all(p[axis] * sign > 0 for axis, sign in signs.items())
+        name
+        for name, p in vertices.items()
+        if all(p[axis] * sign > 0 for axis, sign in signs.items())
     )
 
 
@@ -336,8 +364,8 @@ def _polyhedron_features(
 
 
 def check_polyhedron(shape: Polyhedron) -> list[Diagnostic]:
-    """Errors in the named faces: fewer than three vertices, not planar, or (in a convex polyhedron) turned
-    inwards.
+    """Errors in the named faces: fewer than three vertices, not planar, or (in a convex polyhedron)
+    turned inwards.
     """
     problems = []
     vertices = {name: np.array(point) for name, point in shape.vertices.items()}
@@ -352,7 +380,11 @@ def check_polyhedron(shape: Polyhedron) -> list[Diagnostic]:
 
 
 def _face_problem(corners: Floats, size: float, middle: Floats, convex: bool) -> tuple[str, str]:
-    normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0) if len(corners) > 2 else np.zeros(3)
+    normal = (
+        np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+        if len(corners) > 2
+        else np.zeros(3)
+    )
     length = norm(normal)
     if len(corners) < 3 or length < 1e-12 * max(size, 1e-12) ** 2:
         return "has no area", "name three or more of its corners"

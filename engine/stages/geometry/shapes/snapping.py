@@ -25,7 +25,9 @@ class SnapTo(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SnappedPoint:
-    """A point (3,) on a body, the normal (3,) of its face away from the material, and how wide the hole is that it lies in."""
+    """A point (3,) on a body, the normal (3,) of its face away from the material, and how wide
+    the hole is that it lies in.
+    """
 
     point: Floats
     normal: Floats
@@ -48,13 +50,19 @@ def round_holes(shapes: tuple[PlacedShape, ...]) -> Iterator[Bore]:
         if isinstance(shape, Plate):
             for hole in shape.holes:
                 x, y = hole.at_m
-                yield Bore(matmul(T, transforms.translation(x, y, 0.0)), shape.size_m[2] / 2, hole.radius_m)
+                yield Bore(
+                    matmul(T, transforms.translation(x, y, 0.0)), shape.size_m[2] / 2, hole.radius_m
+                )
         elif isinstance(shape, Ring):
             yield Bore(T, shape.length_m / 2, shape.inner_m)
 
 
 def snap_point(
-    corners: Floats, shapes: tuple[PlacedShape, ...], point: Floats, to: SnapTo, reach_m: float = 0.1
+    corners: Floats,
+    shapes: tuple[PlacedShape, ...],
+    point: Floats,
+    to: SnapTo,
+    reach_m: float = 0.1,
 ) -> SnappedPoint | None:
     """Where a point (3,) near the surface belongs; None if there is no such thing within reach.
 
@@ -87,7 +95,9 @@ def _on_face(corners: Floats, point: Floats) -> SnappedPoint:
 
 
 def _nearest_points(corners: Floats, point: Floats) -> Floats:
-    """The nearest point (n, 3) of each triangle to a point (3,): its foot if that lies within, else on the nearest side."""
+    """The nearest point (n, 3) of each triangle to a point (3,): its foot if that lies within,
+    else on the nearest side.
+    """
     normals = _triangle_normals(corners)
     foot = point - np.einsum("ij,ij->i", normals, point - corners[:, 0])[:, None] * normals
     start, end = corners, np.roll(corners, -1, axis=1)
@@ -98,7 +108,9 @@ def _nearest_points(corners: Floats, point: Floats) -> Floats:
     on_sides = start + np.clip(share, 0.0, 1.0)[..., None] * side
     best = np.linalg.norm(on_sides - point, axis=2).argmin(axis=1)
     nearest: Floats = np.where(
-        _within_triangles(corners, normals, foot)[:, None], foot, on_sides[np.arange(len(corners)), best]
+        _within_triangles(corners, normals, foot)[:, None],
+        foot,
+        on_sides[np.arange(len(corners)), best],
     )
     return nearest
 
@@ -107,14 +119,18 @@ def _within_triangles(corners: Floats, normals: Floats, points: Floats) -> Truth
     """Whether points (n, 3) or (3,) in the planes of triangles lie within them (n,)."""
     sides = np.roll(corners, -1, axis=1) - corners
     inward = np.cross(normals[:, None], sides)
-    side = np.einsum("nij,nij->ni", inward, np.broadcast_to(points, normals.shape)[:, None] - corners)
+    side = np.einsum(
+        "nij,nij->ni", inward, np.broadcast_to(points, normals.shape)[:, None] - corners
+    )
     length = np.linalg.norm(sides, axis=2)
     is_within: Truths = (side >= -1e-9 * length).all(axis=1)
     return is_within
 
 
 def _on_edge(corners: Floats, face: SnappedPoint, reach_m: float) -> SnappedPoint | None:
-    """The nearest point on an edge of the face: a side of its triangles behind which the face does not go on."""
+    """The nearest point on an edge of the face: a side of its triangles behind which the face
+    does not go on.
+    """
     normals = _triangle_normals(corners)
     level = np.abs(np.einsum("ij,j->i", corners[:, 0] - face.point, face.normal))
     flat = corners[(level < ON_M) & (normals @ face.normal > 1 - 1e-9)]
@@ -134,7 +150,9 @@ def _on_edge(corners: Floats, face: SnappedPoint, reach_m: float) -> SnappedPoin
 
 
 def _in_hole(holes: tuple[Bore, ...], face: SnappedPoint, reach_m: float) -> SnappedPoint | None:
-    """The middle of the nearest hole, where it comes out of the face; in the hole's wall, where it comes out nearest."""
+    """The middle of the nearest hole, where it comes out of the face; in the hole's wall, where
+    it comes out nearest.
+    """
     candidates: list[tuple[float, SnappedPoint]] = []
     for hole in holes:
         x, y, z = transforms.apply(transforms.inverse(hole.T_body_hole), face.point)[0]

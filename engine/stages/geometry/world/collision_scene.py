@@ -10,7 +10,11 @@ from cellwright.engine.kernels.linear import matmul
 from cellwright.engine.model.geometry import CollisionScene, ConvexPiece, Joints
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.shapes.part_shapes import shape_cores
-from cellwright.engine.stages.geometry.world.geometric_world import NO_JOINTS, GeometricWorld, LocatedFrame
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    NO_JOINTS,
+    GeometricWorld,
+    LocatedFrame,
+)
 from cellwright.kb.model.body_shapes import PlacedShape
 from cellwright.kb.model.cell_model import JointKind
 
@@ -23,41 +27,56 @@ def collision_scene_of(
 ) -> CollisionScene:
     """The scene of everything in a world except the bodies `leave_out`.
 
-    The `allowed` pairs may touch, too, beside those that the cell allows. Three kinds of pairs are not
-    checked: those that move together, those that both stand still, and those that the arm or the cell allows.
+    The `allowed` pairs may touch, too, beside those that the cell allows. Three kinds of pairs are
+    not checked: those that move together, those that both stand still, and those that the arm or
+    the cell allows.
     """
-    return _make_scene(world.joints, world_pieces(world, leave_out), _allowed_contacts(world) | allowed)
+    return _make_scene(
+        world.joints, world_pieces(world, leave_out), _allowed_contacts(world) | allowed
+    )
 
 
 def world_pieces(world: GeometricWorld, leave_out: Collection[str] = ()) -> tuple[ConvexPiece, ...]:
     """The pieces of everything in a world except the bodies `leave_out`."""
-    return (*_link_pieces(world), *_body_pieces(world, leave_out), *_region_pieces(world, leave_out))
+    return (
+        *_link_pieces(world),
+        *_body_pieces(world, leave_out),
+        *_region_pieces(world, leave_out),
+    )
 
 
 def scene_of_pairs(world: GeometricWorld, pairs: Names) -> CollisionScene:
-    """The scene in which some pairs of bodies are checked, and no others. What the cell allows to touch is not checked here either."""
+    """The scene in which some pairs of bodies are checked, and no others.
+
+    What the cell allows to touch is not checked here either.
+    """
     named = frozenset[str]().union(*pairs)
     bodies = _body_pieces(world, world.cell.bodies.keys() - named)
     regions = _region_pieces(world, world.cell.regions.keys() - named)
     links = (piece for piece in _link_pieces(world) if piece.body in named)
-    return _make_scene(world.joints, (*links, *bodies, *regions), _allowed_contacts(world), wanted=pairs)
+    return _make_scene(
+        world.joints, (*links, *bodies, *regions), _allowed_contacts(world), wanted=pairs
+    )
 
 
 def free_scene_of(
     world: GeometricWorld, body: str, leave_out: Collection[str] = (), allowed: Names = frozenset()
 ) -> CollisionScene:
-    """The scene of one freely moving body (such as a gripper alone) among everything that the arms do not
-    carry. The body's frame is the moving carrier.
+    """The scene of one freely moving body (such as a gripper alone) among everything that the arms
+    do not carry. The body's frame is the moving carrier.
     """
     moving = tuple(_placed_pieces(body, LocatedFrame(1, np.eye(4)), world.cell.bodies[body].shapes))
     gone = {body, *leave_out}
     surroundings = (*_link_pieces(world), *_body_pieces(world, gone), *_region_pieces(world, gone))
     standing = tuple(piece for piece in surroundings if piece.carrier == 0)
-    return _make_scene(NO_JOINTS, (*moving, *standing), _allowed_contacts(world) | allowed, free=True)
+    return _make_scene(
+        NO_JOINTS, (*moving, *standing), _allowed_contacts(world) | allowed, free=True
+    )
 
 
 def riding_scene_of(world: GeometricWorld, body: str) -> CollisionScene:
-    """The scene in which a body goes along its joint with all that stands on it, arms included: its value is the first joint.
+    """The scene in which a body goes along its joint with all that stands on it, arms included: its
+    value is the first joint.
 
     Raises `ValueError` for a body without a joint, and for one that an arm carries.
     """
@@ -67,9 +86,15 @@ def riding_scene_of(world: GeometricWorld, body: str) -> CollisionScene:
     zero = world.guided(body, 0.0)
     T_ride_world = transforms.inverse(zero.locate(body).T_carrier_frame)
     joints, pieces = zero.joints, collision_scene_of(zero).pieces
-    moves = np.array([body in zero.supports(_frame_of(zero, piece.body)) for piece in pieces], dtype=bool)
+    moves = np.array(
+        [body in zero.supports(_frame_of(zero, piece.body)) for piece in pieces], dtype=bool
+    )
     riding = np.array(
-        [body in zero.supports(f"{arm}.base") for arm in zero.cell.arms for _ in zero.models[arm].joints.axis]
+        [
+            body in zero.supports(f"{arm}.base")
+            for arm in zero.cell.arms
+            for _ in zero.models[arm].joints.axis
+        ]
     )
     parent, origin = joints.parent + (joints.parent > 0), joints.T_parent_origin.copy()
     first = (joints.parent == 0) & riding
@@ -82,7 +107,9 @@ def riding_scene_of(world: GeometricWorld, body: str) -> CollisionScene:
         np.concatenate([[guide.lower], joints.lower]),
         np.concatenate([[guide.upper], joints.upper]),
     )
-    carried = tuple(_on_ride(piece, rides, T_ride_world) for piece, rides in zip(pieces, moves, strict=True))
+    carried = tuple(
+        _on_ride(piece, rides, T_ride_world) for piece, rides in zip(pieces, moves, strict=True)
+    )
     return _make_scene(ride_joints, carried, _allowed_contacts(zero))
 
 
@@ -112,7 +139,9 @@ def _make_scene(
     return CollisionScene(joints, pieces, _colliding_pairs(pieces, allowed, wanted), free, bodies)
 
 
-def _colliding_pairs(pieces: tuple[ConvexPiece, ...], allowed: Names, wanted: Names | None = None) -> Longs:
+def _colliding_pairs(
+    pieces: tuple[ConvexPiece, ...], allowed: Names, wanted: Names | None = None
+) -> Longs:
     """All pairs of pieces on two carriers, in order, except for those of bodies that may touch.
 
     Where pairs of bodies are `wanted`, only their pieces count.
@@ -132,7 +161,10 @@ def _colliding_pairs(pieces: tuple[ConvexPiece, ...], allowed: Names, wanted: Na
 
 
 def _allowed_pairs_of(names: dict[str, int], pairs: Names) -> Truths:
-    """Whether two bodies are one of the pairs (n, n), by their numbers. A pair of one name is a body and itself."""
+    """Whether two bodies are one of the pairs (n, n), by their numbers.
+
+    A pair of one name is a body and itself.
+    """
     is_between = np.zeros((len(names), len(names)), dtype=bool)
     for pair in pairs:
         if pair <= names.keys():
@@ -150,7 +182,9 @@ def _allowed_contacts(world: GeometricWorld) -> Names:
     return world.cell.allowed | own
 
 
-def _placed_pieces(body: str, at: LocatedFrame, shapes: tuple[PlacedShape, ...]) -> Iterator[ConvexPiece]:
+def _placed_pieces(
+    body: str, at: LocatedFrame, shapes: tuple[PlacedShape, ...]
+) -> Iterator[ConvexPiece]:
     for placed in shapes:
         T = matmul(at.T_carrier_frame, transforms.of_pose(placed.pose))
         for core in shape_cores(placed.shape):
@@ -160,7 +194,9 @@ def _placed_pieces(body: str, at: LocatedFrame, shapes: tuple[PlacedShape, ...])
 def _link_pieces(world: GeometricWorld) -> Iterator[ConvexPiece]:
     for name, mounted in world.cell.arms.items():
         for link in mounted.arm.links:
-            yield from _placed_pieces(f"{name}.{link.name}", world.locate_link(name, link), link.shapes)
+            yield from _placed_pieces(
+                f"{name}.{link.name}", world.locate_link(name, link), link.shapes
+            )
 
 
 def _body_pieces(world: GeometricWorld, leave_out: Collection[str]) -> Iterator[ConvexPiece]:

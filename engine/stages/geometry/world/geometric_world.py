@@ -1,7 +1,8 @@
 """The geometric world: where every frame is, what is affixed to what, also by symbolic facts.
 
-It is a value: every change makes a new world. Frames have their names from `cell.yaml`: `world`, a frame, a
-body, `body.feature`; for an arm, `arm.base`, `arm.flange`, `arm.tool`, and `arm.LINK` for each link.
+It is a value: every change makes a new world. Frames have their names from `cell.yaml`: `world`, a
+frame, a body, `body.feature`; for an arm, `arm.base`, `arm.flange`, `arm.tool`, and `arm.LINK` for
+each link.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -46,8 +47,8 @@ class FixedFrame:
 
 @dataclass(frozen=True, eq=False)
 class GeometricWorld:
-    """A cell at one moment: `placed` says where frames and bodies are, `configurations` holds the joint
-    values of each arm.
+    """A cell at one moment: `placed` says where frames and bodies are, `configurations` holds the
+    joint values of each arm.
     """
 
     cell: Cell
@@ -56,8 +57,12 @@ class GeometricWorld:
 
     @classmethod
     def of(cls, cell: Cell) -> "GeometricWorld":
-        """The cell as its file describes it, with every arm at its `home` (at zero if none is given)."""
-        placements: dict[str, Placement] = {f"{name}.base": arm.base for name, arm in cell.arms.items()}
+        """The cell as its file describes it, with every arm at its `home` (at zero if none is
+        given).
+        """
+        placements: dict[str, Placement] = {
+            f"{name}.base": arm.base for name, arm in cell.arms.items()
+        }
         placements |= cell.frames
         placements |= {name: body.placement for name, body in cell.bodies.items()}
         fixed = {
@@ -67,7 +72,10 @@ class GeometricWorld:
         for name, body in cell.bodies.items():
             for feature, pose in body.features.items():
                 fixed[f"{name}.{feature}"] = FixedFrame(name, transforms.of_pose(pose))
-        homes = {name: np.array(arm.home or (0.0,) * len(arm.arm.joints)) for name, arm in cell.arms.items()}
+        homes = {
+            name: np.array(arm.home or (0.0,) * len(arm.arm.joints))
+            for name, arm in cell.arms.items()
+        }
         return cls(cell, fixed, homes)
 
     @cached_property
@@ -151,7 +159,9 @@ class GeometricWorld:
     @cached_property
     def configuration(self) -> Floats:
         """The values of all joints (k,), in the order of `joints`."""
-        return np.concatenate([np.zeros(0), *(self.configurations[name] for name in self.cell.arms)])
+        return np.concatenate(
+            [np.zeros(0), *(self.configurations[name] for name in self.cell.arms)]
+        )
 
     @cached_property
     def _carriers(self) -> Floats:
@@ -160,7 +170,8 @@ class GeometricWorld:
     def pose(self, a: str, b: str) -> Floats:
         """T_a_b (4, 4): the pose of frame b in frame a. Raises `KeyError` for an unknown frame."""
         in_world = [
-            matmul(self._carriers[at.carrier], at.T_carrier_frame) for at in (self.locate(a), self.locate(b))
+            matmul(self._carriers[at.carrier], at.T_carrier_frame)
+            for at in (self.locate(a), self.locate(b))
         ]
         pose: Floats = matmul(transforms.inverse(in_world[0]), in_world[1])
         return pose
@@ -168,7 +179,8 @@ class GeometricWorld:
     def moved(self, arm: str, q: Floats) -> "GeometricWorld":
         """The world with one arm at a configuration (k,). What is affixed to the arm moves with it.
 
-        Raises `KeyError` for an unknown arm, `ValueError` unless there is a finite number for each joint.
+        Raises `KeyError` for an unknown arm, `ValueError` unless there is a finite number for each
+        joint.
         """
         values, count = np.asarray(q, dtype=float), self.models[arm].joints.count
         if values.shape != (count,) or not np.isfinite(values).all():
@@ -183,7 +195,10 @@ class GeometricWorld:
         return self.put(body, to, self.pose(to, body))
 
     def put(self, body: str, on: str, T_on_body: Floats) -> "GeometricWorld":
-        """The world with a body at a pose (4, 4) on a frame. Raises as `affix` does, and `ValueError` for what is no pose."""
+        """The world with a body at a pose (4, 4) on a frame.
+
+        Raises as `affix` does, and `ValueError` for what is no pose.
+        """
         if body not in self.cell.bodies:
             raise KeyError(f"no body '{body}'")
         self.locate(on)
@@ -241,7 +256,9 @@ class GeometricWorld:
             return self
         away = tuple(f"{arm}." for arm in gone)
         removed = {
-            name for name in self.placed if any(support.startswith(away) for support in self.supports(name))
+            name
+            for name in self.placed
+            if any(support.startswith(away) for support in self.supports(name))
         }
         bodies = {name: body for name, body in self.cell.bodies.items() if name not in removed}
         own = {name: arm for name, arm in self.cell.arms.items() if name not in gone}
@@ -262,8 +279,8 @@ class GeometricWorld:
 def world_after_facts(world: GeometricWorld, facts: Iterable[Atom]) -> GeometricWorld:
     """The world with every body where the facts put it.
 
-    Other bodies, and those at places without a pose, stay where they are. If several locations put one body somewhere for a
-    fact, the first one in the file counts.
+    Other bodies, and those at places without a pose, stay where they are. If several locations put
+    one body somewhere for a fact, the first one in the file counts.
     """
     for fact in sorted(facts, key=str):
         world = _after_fact(world, fact)
@@ -283,7 +300,9 @@ def _after_fact(world: GeometricWorld, fact: Atom) -> GeometricWorld:
     return world
 
 
-def _put_body(world: GeometricWorld, body: str, location: Location, bindings: Substitution) -> GeometricWorld:
+def _put_body(
+    world: GeometricWorld, body: str, location: Location, bindings: Substitution
+) -> GeometricWorld:
     if location.value is not None:
         return world.guided(body, location.value) if world.cell.bodies[body].guide else world
     at = _grip_at(world, location, bindings)
@@ -295,8 +314,12 @@ def _put_body(world: GeometricWorld, body: str, location: Location, bindings: Su
     return world.put(body, frame, matmul(T_frame_grip, transforms.inverse(T_body_grip)))
 
 
-def _grip_at(world: GeometricWorld, location: Location, bindings: Substitution) -> tuple[str, Floats] | None:
-    """The frame that the body stands on, and the pose of its grip in it; None for an unknown place."""
+def _grip_at(
+    world: GeometricWorld, location: Location, bindings: Substitution
+) -> tuple[str, Floats] | None:
+    """The frame that the body stands on, and the pose of its grip in it; None for an unknown
+    place.
+    """
     if location.place is None:
         return _frame_name(location.frame, bindings), np.eye(4)
     place = world.cell.places.get(str(substitute_term(location.place, bindings)))

@@ -1,9 +1,11 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
-"""Whether blocks and triangles meet, by separating axes (Gottschalk, Lin & Manocha 1996; Akenine-Moller 2001).
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
+"""Whether blocks and triangles meet, by separating axes (Gottschalk, Lin & Manocha 1996;
+Akenine-Moller 2001).
 
-Each triangle is brought into the frame of the blocks. Most are beyond a side of a block; the others are tried on the plane of
-the triangle, and on the planes along one of its edges and one of the block.
+Each triangle is brought into the frame of the blocks. Most are beyond a side of a block; the others
+are tried on the plane of the triangle, and on the planes along one of its edges and one of the
+block.
 """
 
 import cython
@@ -26,7 +28,9 @@ class Blocks:
 
 
 def meeting(blocks: Blocks, poses: Floats, triangles: Floats) -> Truths:
-    """Whether a triangle (m, 3, 3) meets a block, for each pose (n, 4, 4) of the blocks' frame (n,)."""
+    """Whether a triangle (m, 3, 3) meets a block, for each pose (n, 4, 4) of the blocks' frame
+    (n,).
+    """
     n, m = len(poses), len(triangles)
     refuse_unless("poses", poses, np.float64, (n, 4, 4))
     refuse_unless("triangles", triangles, np.float64, (m, 3, 3))
@@ -55,7 +59,9 @@ def _any(b: Blocks, frames: Floats, i: int, corners: Floats, k: int) -> bool:
 
 
 def _near(b: Blocks, j: int) -> bool:
-    """Whether the box around the triangle meets a block; sets the triangle's corners about the block's middle."""
+    """Whether the box around the triangle meets a block; sets the triangle's corners about the
+    block's middle.
+    """
     for x in range(3):
         for c in range(3):
             b.corner[c, x] = b.local[c, x] - b.middle[j, x]
@@ -67,7 +73,9 @@ def _near(b: Blocks, j: int) -> bool:
 
 
 def _separated(b: Blocks, j: int) -> bool:
-    """Whether the triangle's plane, or a plane along an edge of it and one of the block, separates them."""
+    """Whether the triangle's plane, or a plane along an edge of it and one of the block,
+    separates them.
+    """
     for c in range(3):
         n = 0 if c == 2 else c + 1
         for x in range(3):
@@ -88,7 +96,9 @@ def _separated(b: Blocks, j: int) -> bool:
 
 
 def _beyond(b: Blocks, j: int, c: int, x: int) -> bool:
-    """Whether the axis square to one edge of the triangle and to one axis of the block separates them."""
+    """Whether the axis square to one edge of the triangle and to one axis of the block
+    separates them.
+    """
     y, z = (0 if x == 2 else x + 1), (x - 1 if x else 2)
     p, q = b.edge[c, z], -b.edge[c, y]  # the axis has these along y and z
     if p * p + q * q <= SHORT:

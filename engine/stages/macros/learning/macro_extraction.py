@@ -1,4 +1,6 @@
-"""Extraction of a MACROP from a finished proof: variable names, types, constraints, links, steps."""
+"""Extraction of a MACROP from a finished proof: variable names, types, constraints, links,
+steps.
+"""
 
 import dataclasses
 from collections.abc import Iterable, Iterator
@@ -7,7 +9,10 @@ from dataclasses import dataclass
 from cellwright.engine.stages.lifted.domain_digests import proof_dependencies
 from cellwright.engine.stages.macros.learning.plan_proof import PlanProof
 from cellwright.engine.stages.macros.learning.proof_safety import ProofSafety
-from cellwright.engine.stages.macros.learning.term_equalities import comparison_truth, make_disequality
+from cellwright.engine.stages.macros.learning.term_equalities import (
+    comparison_truth,
+    make_disequality,
+)
 from cellwright.kb.model.conditions import (
     Body,
     BodyPart,
@@ -48,7 +53,9 @@ class FreshNames:
         self._counts: dict[str, int] = {}
 
     def number(self, terms: Iterable[tuple[Variable, Term]]) -> None:
-        """Name the terms of header variables, each after its first header variable: `Arm1`, `Id1`, `Id2`."""
+        """Name the terms of header variables, each after its first header variable: `Arm1`,
+        `Id1`, `Id2`.
+        """
         for header, term in terms:
             if isinstance(term, Variable) and term not in self.names:
                 base = _base_name(header)
@@ -111,8 +118,14 @@ def _type_tests(term: Term, type_: str, domain: Domain) -> Iterator[Parameter | 
         return
     if isinstance(term, Function) and not term.arguments and _is_known(term, type_, domain):
         return
-    signature = domain.functions.get(term.name) if isinstance(term, Function) and term.arguments else None
-    if signature is None or not domain.is_subtype(signature.result, type_) or not isinstance(term, Function):
+    signature = (
+        domain.functions.get(term.name) if isinstance(term, Function) and term.arguments else None
+    )
+    if (
+        signature is None
+        or not domain.is_subtype(signature.result, type_)
+        or not isinstance(term, Function)
+    ):
         yield Literal(Function(type_, (term,)))
         return
     for argument, inner in zip(term.arguments, signature.arguments, strict=True):
@@ -131,7 +144,8 @@ def _is_known(term: Function, type_: str, domain: Domain) -> bool:
 
 
 def without_copies(body: Body, outer: set[Variable]) -> Body:
-    """The body without copies of conjuncts that are equal except for the names of existential variables.
+    """The body without copies of conjuncts that are equal except for the names of existential
+    variables.
 
     Conjuncts that share such a variable belong together, so they are compared and removed together.
     """
@@ -188,7 +202,9 @@ class MacroReader:
     def result(self) -> GeneralisedPlan:
         proof, domain = self.proof, self.proof.world.domain
         preconditions = self._distinct(
-            Literal(need.atom, need.positive) for need in proof.needs if need.producer == INITIAL_STEP
+            Literal(need.atom, need.positive)
+            for need in proof.needs
+            if need.producer == INITIAL_STEP
         )
         goals = self._distinct(self.goals)
         chains = tuple(map(self._chain, self.chains))
@@ -205,13 +221,19 @@ class MacroReader:
             types,
             tuple(dict.fromkeys((*constraints, *map(self._part, self.safety.negated)))),
             _simple_disequalities(differ),
-            tuple(dict.fromkeys(tuple(map(self._part, exclusion)) for exclusion in self.safety.exclusions)),
+            tuple(
+                dict.fromkeys(
+                    tuple(map(self._part, exclusion)) for exclusion in self.safety.exclusions
+                )
+            ),
             tuple(dict.fromkeys(r for step in steps for r in step.resources)),
             steps,
             self._links(),
             chains,
         )
-        depends = proof_dependencies(macrop, proof.schemas.values(), proof.world.digests, self._derived())
+        depends = proof_dependencies(
+            macrop, proof.schemas.values(), proof.world.digests, self._derived()
+        )
         return GeneralisedPlan(dataclasses.replace(macrop, depends=depends), self._bindings())
 
     def _term(self, term: Term) -> Term:
@@ -227,13 +249,17 @@ class MacroReader:
 
     def _distinct(self, literals: Iterable[Literal]) -> tuple[Literal, ...]:
         return tuple(
-            dict.fromkeys(Literal(self._atom(literal.atom), literal.positive) for literal in literals)
+            dict.fromkeys(
+                Literal(self._atom(literal.atom), literal.positive) for literal in literals
+            )
         )
 
     def _chain(self, chain: MacroChain) -> MacroChain:
         subject = self._term(chain.subject) if chain.subject is not None else None
         stages = tuple(map(self._atom, chain.stages))
-        return MacroChain(self._term(chain.name), stages, tuple(map(self._term, chain.after)), subject)
+        return MacroChain(
+            self._term(chain.name), stages, tuple(map(self._term, chain.after)), subject
+        )
 
     def _step(self, step: Step) -> MacroStep:
         operator = self.proof.schemas[step.id].operator
@@ -242,18 +268,28 @@ class MacroReader:
         resources = tuple(substitute_term(resource, bindings) for resource in operator.resources)
         duration = _step_amount(operator.duration, bindings, step.duration)
         return MacroStep(
-            step.id, header, step.after, resources, duration, _step_amount(operator.cost, bindings, step.cost)
+            step.id,
+            header,
+            step.after,
+            resources,
+            duration,
+            _step_amount(operator.cost, bindings, step.cost),
         )
 
     def _constraints(self) -> tuple[Body, tuple[Parameter, ...]]:
-        constraints, types = split_unary(map(self._part, self.proof.constraints), self.proof.world.domain)
+        constraints, types = split_unary(
+            map(self._part, self.proof.constraints), self.proof.world.domain
+        )
         return without_copies(constraints, set(self._header_variables())), types
 
     def _header_variables(self) -> Iterator[Variable]:
         for step in self.proof.plan.steps:
             for own in self.proof.header(step.id).values():
                 yield from term_variables(self._term(own))
-        for atom in [*(goal.atom for goal in self.goals), *(need.atom for need in self.proof.needs)]:
+        for atom in [
+            *(goal.atom for goal in self.goals),
+            *(need.atom for need in self.proof.needs),
+        ]:
             yield from term_variables(self._atom(atom))
 
     def _links(self) -> tuple[CausalLink, ...]:
@@ -265,11 +301,17 @@ class MacroReader:
         for link in self.proof.plan.links:
             if is_stage_link(link.condition):
                 links[CausalLink(link.producer, self._stage(link.condition), link.consumer)] = None
-        order: dict[StepId, int] = {step.id: place for place, step in enumerate(self.proof.plan.steps)}
-        return tuple(sorted(links, key=lambda link_entry: order.get(link_entry.consumer, len(order))))
+        order: dict[StepId, int] = {
+            step.id: place for place, step in enumerate(self.proof.plan.steps)
+        }
+        return tuple(
+            sorted(links, key=lambda link_entry: order.get(link_entry.consumer, len(order)))
+        )
 
     def _stage(self, condition: Atom) -> Atom:
-        """A counter of a chain, in which the name of the chain is replaced by the chain's variable."""
+        """A counter of a chain, in which the name of the chain is replaced by the chain's
+        variable.
+        """
         names = {
             self.proof.origin[chain.name]: chain.name
             for chain in self.chains
@@ -284,15 +326,24 @@ class MacroReader:
         return Function(condition.name, arguments)
 
     def _adders(self) -> tuple[Atom, ...]:
-        """The atoms that hold at the end of every instance: surely added, and not denied by a later step."""
+        """The atoms that hold at the end of every instance: surely added, and not denied by a
+        later step.
+        """
         proof, added_atoms = self.proof, dict[Atom, None]()
         for step, schema in proof.schemas.items():
             for addition in schema.adds:
                 certain = self.safety.firing([], addition.guard)
                 local = any(v not in proof.origin for v in term_variables(addition.atom))
-                if certain == () and not addition.needs and not local and self._lasts(step, addition.atom):
+                if (
+                    certain == ()
+                    and not addition.needs
+                    and not local
+                    and self._lasts(step, addition.atom)
+                ):
                     added_atoms[self._atom(addition.atom)] = None
-        goal_atoms = [need.atom for need in proof.needs if need.consumer == GOAL_STEP and need.positive]
+        goal_atoms = [
+            need.atom for need in proof.needs if need.consumer == GOAL_STEP and need.positive
+        ]
         return tuple(dict.fromkeys([*added_atoms, *map(self._atom, goal_atoms)]))
 
     def _lasts(self, producer: StepId, atom: Atom) -> bool:
@@ -314,12 +365,18 @@ class MacroReader:
         literals: list[Literal] = list(self.goals)
         used = {r.head.name for r in self.proof.world.domain.rules}
         for schema in self.proof.schemas.values():
-            literals += [part for body in schema.alternatives for part in body if isinstance(part, Literal)]
+            literals += [
+                part for body in schema.alternatives for part in body if isinstance(part, Literal)
+            ]
         wanted_names = [literal.atom.name for literal in literals]
         reached: set[str] = set()
         while wanted_names:
             name = wanted_names.pop()
-            if name in used and name not in reached and kinds.get(name, Kind.DERIVED) is Kind.DERIVED:
+            if (
+                name in used
+                and name not in reached
+                and kinds.get(name, Kind.DERIVED) is Kind.DERIVED
+            ):
                 reached.add(name)
                 bodies = (r.body for r in self.proof.world.domain.rules if r.head.name == name)
                 wanted_names += [
@@ -328,9 +385,14 @@ class MacroReader:
         return tuple(sorted(reached))
 
     def _name(
-        self, goals: tuple[Literal, ...], chains: tuple[MacroChain, ...], steps: tuple[MacroStep, ...]
+        self,
+        goals: tuple[Literal, ...],
+        chains: tuple[MacroChain, ...],
+        steps: tuple[MacroStep, ...],
     ) -> Function:
-        asked = [goal.atom for goal in goals] + [stage for chain in chains for stage in chain.stages]
+        asked = [goal.atom for goal in goals] + [
+            stage for chain in chains for stage in chain.stages
+        ]
         last = list(dict.fromkeys(v for atom in asked for v in term_variables(atom)))
         first = dict.fromkeys(v for step in steps for v in term_variables(step.operator))
         own = [*(v for v in first if v not in last), *last]
@@ -356,7 +418,9 @@ def _simple_disequalities(parts: Iterable[BodyPart]) -> tuple[Comparison, ...]:
         make_disequality(part.left, part.right) for part in parts if isinstance(part, Comparison)
     )
     return tuple(
-        dict.fromkeys(comparison for comparison in disequalities if comparison_truth(comparison) is not True)
+        dict.fromkeys(
+            comparison for comparison in disequalities if comparison_truth(comparison) is not True
+        )
     )
 
 

@@ -35,14 +35,19 @@ from cellwright.kb.terms import (
 
 
 def lifted_chains(problem: Problem, proof: PlanProof) -> tuple[MacroChain, ...]:
-    """The chains of a problem with variables, every stage equal to the event or consequence that reached it.
+    """The chains of a problem with variables, every stage equal to the event or consequence that
+    reached it.
 
     Chains that were finished before the first step are left out.
     """
     if any(stage.name == TOGETHER_SIGN for chain in problem.chains for stage in chain.stages):
         raise NotGeneral("a stage of the workflow has several conditions")
     reached = _reached_stages(problem, proof)
-    chains = [chain for chain in problem.chains if any(step is not None for step, _ in reached[chain.name])]
+    chains = [
+        chain
+        for chain in problem.chains
+        if any(step is not None for step, _ in reached[chain.name])
+    ]
     names = {chain.name: _chain_variable(chain.name, proof) for chain in chains}
     subjects: dict[Term, Variable] = {}
     lasts = final_stages(problem.chains, problem.domain)
@@ -53,7 +58,9 @@ def lifted_chains(problem: Problem, proof: PlanProof) -> tuple[MacroChain, ...]:
             proof.need(stages[-1], True, GOAL_STEP)
         subject = None
         if chain.subject is not None:
-            subject = subjects.setdefault(chain.subject, _fresh_variable(chain.subject, "Subject", proof))
+            subject = subjects.setdefault(
+                chain.subject, _fresh_variable(chain.subject, "Subject", proof)
+            )
         macro_chains.append(
             MacroChain(
                 names[chain.name],
@@ -76,7 +83,9 @@ def _fresh_variable(term: Term, base: str, proof: PlanProof) -> Variable:
 
 
 def _lifted_stage(step: Step | None, atom: Atom, proof: PlanProof) -> Atom:
-    """The stage with a variable for each argument, made equal to what reached it; None is the start."""
+    """The stage with a variable for each argument, made equal to what reached it; None is the
+    start.
+    """
     lifted = Function(
         atom.name, tuple(_fresh_variable(argument, "Value", proof) for argument in atom.arguments)
     )
@@ -103,21 +112,29 @@ def _join_event(step: Step, atom: Atom, lifted: Atom, proof: PlanProof) -> None:
     raise NotGeneral(f"step {step.id} does not let {atom} happen")
 
 
-def _reached_stages(problem: Problem, proof: PlanProof) -> dict[str, list[tuple[Step | None, Atom]]]:
-    """For every chain the steps that reached its stages, as soon as possible, with the atoms that did; None is the
-    start."""
-    stages_reached: dict[str, list[tuple[Step | None, Atom]]] = {chain.name: [] for chain in problem.chains}
+def _reached_stages(
+    problem: Problem, proof: PlanProof
+) -> dict[str, list[tuple[Step | None, Atom]]]:
+    """For every chain the steps that reached its stages, as soon as possible, with the atoms that
+    did; None is the start."""
+    stages_reached: dict[str, list[tuple[Step | None, Atom]]] = {
+        chain.name: [] for chain in problem.chains
+    }
     facts = FactSet(sort_naturally(proof.initial))
     counts = initial_progress(problem.chains, stage_holds(facts))
     _note_reached(problem.chains, counts, None, facts, stages_reached)
     for step in proof.plan.steps:
         change = proof.changes[step.id]
         facts = change.applied(facts)
-        counts, unexpected = advance_chains(problem.chains, counts, change.events, stage_holds(facts))
+        counts, unexpected = advance_chains(
+            problem.chains, counts, change.events, stage_holds(facts)
+        )
         if unexpected:
             raise NotGeneral(f"{unexpected[0]} is not the next stage of any chain")
         _note_reached(problem.chains, counts, step, facts, stages_reached)
-    missing = next((c.name for c in problem.chains if len(stages_reached[c.name]) < len(c.stages)), None)
+    missing = next(
+        (c.name for c in problem.chains if len(stages_reached[c.name]) < len(c.stages)), None
+    )
     if missing is not None:
         raise NotGeneral(f"the workflow of {missing} is not finished")
     return stages_reached
@@ -140,7 +157,9 @@ def _note_reached(
 __all__ = ["GeneralisedPlan", "NotGeneral", "generalise_plan"]
 
 
-def generalise_plan(problem: Problem, plan: Plan, world: CellDomain, initial: State) -> GeneralisedPlan:
+def generalise_plan(
+    problem: Problem, plan: Plan, world: CellDomain, initial: State
+) -> GeneralisedPlan:
     """The MACROP of a valid plan from the state `initial`.
 
     Raises `NotGeneral` with the reason if there is none.
@@ -206,7 +225,10 @@ def _as_literal(goal: Condition) -> Literal | None:
 
 
 def _variablise_part(part: BodyPart, proof: PlanProof) -> BodyPart:
-    """A goal's literal with a variable for each argument. The links of the proof bind what must be bound."""
+    """A goal's literal with a variable for each argument.
+
+    The links of the proof bind what must be bound.
+    """
     if not isinstance(part, Literal) or not proof.world.schemas.is_dynamic(part):
         return part
     return Literal(variablise_atom(part.atom, proof), part.positive)

@@ -1,9 +1,10 @@
 """Proof why a plan works, with variables in place of constants: explanation-based generalisation.
 
-Every step becomes its operator with new variables. Every causal link makes a condition of its consumer equal
-to a consequence of its producer, and nothing else is made equal (Fikes, Hart & Nilsson 1972; Mooney &
-DeJong's EGGS 1986; for partial orders Kambhampati & Kedar 1994). `cellwright.engine.stages.macros.learning.proof_safety` adds
-the conditions that exclude disturbances.
+Every step becomes its operator with new variables. Every causal link makes a condition of its
+consumer equal to a consequence of its producer, and nothing else is made equal (Fikes, Hart &
+Nilsson 1972; Mooney & DeJong's EGGS 1986; for partial orders Kambhampati & Kedar 1994).
+`cellwright.engine.stages.macros.learning.proof_safety` adds the conditions that exclude
+disturbances.
 """
 
 from collections.abc import Iterator
@@ -58,7 +59,10 @@ class Conjunct:
 
 @dataclass
 class PlanProof:
-    """The proof of one plan, built step by step. `origin` has the constant of each variable in that plan."""
+    """The proof of one plan, built step by step.
+
+    `origin` has the constant of each variable in that plan.
+    """
 
     world: CellDomain
     plan: Plan
@@ -88,7 +92,9 @@ class PlanProof:
             raise NotGeneral(f"a condition of {step.operator.name} is about all objects")
         fresh = {variable: self.world.schemas.fresh(variable) for variable in schema.variables()}
         self.schemas[step.id] = schema.renamed(fresh)
-        self._header[step.id] = {variable: fresh[variable] for variable in schema.operator.variables}
+        self._header[step.id] = {
+            variable: fresh[variable] for variable in schema.operator.variables
+        }
         self.origin.update({fresh[variable]: bindings[variable] for variable in bindings})
 
     def header(self, step: StepId) -> dict[Variable, Variable]:
@@ -104,16 +110,22 @@ class PlanProof:
         self.states[GOAL_STEP] = with_derived(self.world, facts)
 
     def justify(self, step: Step) -> None:
-        """Collect what one step needs: its constraints, and its precondition as its links provide it."""
+        """Collect what one step needs: its constraints, and its precondition as its links
+        provide it.
+        """
         schema = self.schemas[step.id]
-        bindings = next(solve_body(schema.body, self.world.statics, self._ground(schema.body)), None)
+        bindings = next(
+            solve_body(schema.body, self.world.statics, self._ground(schema.body)), None
+        )
         if bindings is None:
             raise NotGeneral(f"the constraints of {step.operator} do not hold")
         self._constrain(schema.body, bindings)
         if not any(self.rest(body, step.id, {}) is not None for body in schema.alternatives):
             raise NotGeneral(f"the precondition of {step.operator} does not hold")
 
-    def rest(self, body: Body, consumer: StepId, bindings: dict[Variable, Term]) -> list[Conjunct] | None:
+    def rest(
+        self, body: Body, consumer: StepId, bindings: dict[Variable, Term]
+    ) -> list[Conjunct] | None:
         """Prove a body for `consumer`, and add its needs to the proof.
 
         Returns the literals over fluents that the proof uses, or None if the body does not hold.
@@ -131,7 +143,11 @@ class PlanProof:
         return None
 
     def _provided(self, consumer: StepId) -> Iterator[Atom]:
-        return (linked_atom for linked_atom in self._linked.get(consumer, {}) if linked_atom.name != "not")
+        return (
+            linked_atom
+            for linked_atom in self._linked.get(consumer, {})
+            if linked_atom.name != "not"
+        )
 
     def _ground(self, body: Body) -> dict[Variable, Term]:
         used = (variable for part in body for variable in part_variables(part))
@@ -155,7 +171,8 @@ class PlanProof:
     def _frozen(self, leaf: Literal, consumer: StepId) -> Iterator[Conjunct]:
         """A negated derived literal stays as it was in the plan: with its constants.
 
-        It is false because no rule supports it, so the consumer needs everything that its links provide.
+        It is false because no rule supports it, so the consumer needs everything that its links
+        provide.
         """
         for variable in term_variables(leaf.atom):
             self.equal.join(variable, self.origin[variable])
@@ -198,7 +215,10 @@ class PlanProof:
         return producer
 
     def produce(self, producer: StepId, atom: Atom, ground: Atom, positive: bool) -> None:
-        """Make a literal equal to a consequence of `producer`. The guard and needs of this join the proof."""
+        """Make a literal equal to a consequence of `producer`.
+
+        The guard and needs of this join the proof.
+        """
         schema = self.schemas[producer]
         candidates = sorted(
             schema.adds if positive else schema.denies, key=lambda addition: len(addition.guard)
@@ -222,7 +242,9 @@ class PlanProof:
         It may be used for several values, and each use needs its own.
         """
         used = (
-            variable for part in (*following.guard, *following.needs) for variable in part_variables(part)
+            variable
+            for part in (*following.guard, *following.needs)
+            for variable in part_variables(part)
         )
         local = {
             v: self.world.schemas.fresh(v)
@@ -232,13 +254,17 @@ class PlanProof:
         return following.renamed(local) if local else following
 
     def _as(self, following: GuardedAtom, ground: Atom) -> dict[Variable, Term] | None:
-        known_bindings = {v: self.origin[v] for v in term_variables(following.atom) if v in self.origin}
+        known_bindings = {
+            v: self.origin[v] for v in term_variables(following.atom) if v in self.origin
+        }
         match_bindings = match_term(following.atom, ground, known_bindings)
         if match_bindings is None:
             return None
         return next(
             solve_body(
-                following.guard, self.world.statics, {**self._ground(following.guard), **match_bindings}
+                following.guard,
+                self.world.statics,
+                {**self._ground(following.guard), **match_bindings},
             ),
             None,
         )
@@ -250,11 +276,19 @@ class PlanProof:
             else:
                 self.constraints[part] = None
 
-    # Bodies are proved by resolution, with the constants of the plan. The variables are kept beside them.
+    # Bodies are proved by resolution, with the constants of the plan. The variables are kept beside
+    # them.
 
     def _prove(
-        self, body: Body, ground: dict[Variable, Term], available: FactSet, consumer: StepId, depth: int
-    ) -> "Iterator[tuple[dict[Variable, Term], tuple[BodyPart, ...], tuple[tuple[Term, Term], ...]]]":
+        self,
+        body: Body,
+        ground: dict[Variable, Term],
+        available: FactSet,
+        consumer: StepId,
+        depth: int,
+    ) -> (
+        "Iterator[tuple[dict[Variable, Term], tuple[BodyPart, ...], tuple[tuple[Term, Term], ...]]]"
+    ):
         if not body:
             yield ground, (), ()
             return
@@ -264,7 +298,9 @@ class PlanProof:
             yield from self._by_rule(part.atom, rest, ground, available, consumer, depth)
             return
         for extended in self._solutions(part, ground, available, consumer):
-            for ground_bindings, leaves, equations in self._prove(rest, extended, available, consumer, depth):
+            for ground_bindings, leaves, equations in self._prove(
+                rest, extended, available, consumer, depth
+            ):
                 yield ground_bindings, (part, *leaves), equations
 
     def _next(self, body: Body, ground: dict[Variable, Term]) -> int:
@@ -272,7 +308,15 @@ class PlanProof:
             closed = all(variable in ground for variable in part_variables(part))
             positive = isinstance(part, Literal) and part.positive
             derived = isinstance(part, Literal) and self.world.schemas.is_derived(part.atom)
-            return 0 if closed and not derived else 1 if positive and not derived else 2 if derived else 3
+            return (
+                0
+                if closed and not derived
+                else 1
+                if positive and not derived
+                else 2
+                if derived
+                else 3
+            )
 
         return min(range(len(body)), key=lambda index: rank(body[index]))
 
@@ -296,7 +340,9 @@ class PlanProof:
         available: FactSet,
         consumer: StepId,
         depth: int,
-    ) -> "Iterator[tuple[dict[Variable, Term], tuple[BodyPart, ...], tuple[tuple[Term, Term], ...]]]":
+    ) -> (
+        "Iterator[tuple[dict[Variable, Term], tuple[BodyPart, ...], tuple[tuple[Term, Term], ...]]]"
+    ):
         if depth > MAX_PROOF_DEPTH:
             return
         if not is_ground(substitute_atom(atom, ground)):
@@ -307,7 +353,10 @@ class PlanProof:
         for rule in self.world.schemas.rules:
             if rule.head.name != atom.name:
                 continue
-            used = [*term_variables(rule.head), *(v for part in rule.body for v in part_variables(part))]
+            used = [
+                *term_variables(rule.head),
+                *(v for part in rule.body for v in part_variables(part)),
+            ]
             fresh = {variable: self.world.schemas.fresh(variable) for variable in used}
             head = substitute_atom(rule.head, fresh)
             head_bindings = match_term(head, target, ground)

@@ -1,7 +1,8 @@
 """Recurring sub-sequences of plans, and the specialised MACROPs that are made of them.
 
-Sub-sequences that recur in the plans of a domain may help a search (Botea, Enzenberger, Müller & Schaeffer
-2005, who join the steps of the causal graph of a solution). Whether they do is measured elsewhere.
+Sub-sequences that recur in the plans of a domain may help a search (Botea, Enzenberger, Müller &
+Schaeffer 2005, who join the steps of the causal graph of a solution). Whether they do is measured
+elsewhere.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -29,7 +30,9 @@ Positions = int
 
 @dataclass(frozen=True, slots=True)
 class RecurringSequence:
-    """The sub-sequences of one shape: how many there are, and one of them with the steps before it."""
+    """The sub-sequences of one shape: how many there are, and one of them with the steps before
+    it.
+    """
 
     count: int
     before: tuple[Step, ...]
@@ -47,7 +50,9 @@ def recurring_sequences(plan: Plan) -> list[RecurringSequence]:
     order = PlanOrder(plan)
     for subsequence in order.subsequences:
         kinds.setdefault(sequence_shape(order.operators(subsequence)), []).append(subsequence)
-    ranked = sorted(kinds.items(), key=lambda kind: (-len(kind[1]) * (kind[1][0].bit_count() - 1), kind[0]))
+    ranked = sorted(
+        kinds.items(), key=lambda kind: (-len(kind[1]) * (kind[1][0].bit_count() - 1), kind[0])
+    )
     return [
         RecurringSequence(len(own), order.steps(order.before(own[0])), order.steps(own[0]))
         for _, own in ranked
@@ -70,15 +75,22 @@ def matching_sequences(
 
 
 def sequence_shape(operators: Iterable[Function]) -> str:
-    """The shape of a sequence: its operators, and which of their arguments are equal. Names do not matter."""
+    """The shape of a sequence: its operators, and which of their arguments are equal.
+
+    Names do not matter.
+    """
     names: dict[Term, Term] = {}
     return ", ".join(str(_rename_constants(operator, names)) for operator in operators)
 
 
 def _rename_constants(term: Term, names: dict[Term, Term]) -> Term:
-    """A term whose constants, variables and numbers are replaced by variables, equal ones by the same."""
+    """A term whose constants, variables and numbers are replaced by variables, equal ones by
+    the same.
+    """
     if isinstance(term, Function) and term.arguments:
-        return Function(term.name, tuple(_rename_constants(argument, names) for argument in term.arguments))
+        return Function(
+            term.name, tuple(_rename_constants(argument, names) for argument in term.arguments)
+        )
     return names.setdefault(term, Variable(f"X{len(names)}"))
 
 
@@ -91,7 +103,9 @@ def matches_pattern(pattern: Sequence[Function], operators: Sequence[Function]) 
 
 
 class PlanOrder:
-    """The steps before and after each step of a plan, and the steps to which causal links join it."""
+    """The steps before and after each step of a plan, and the steps to which causal links join
+    it.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -110,7 +124,9 @@ class PlanOrder:
 
     @cached_property
     def subsequences(self) -> list[Positions]:
-        """All connected sets of at least two steps such that no other step must come between them."""
+        """All connected sets of at least two steps such that no other step must come between
+        them.
+        """
         sequences: dict[Positions, None] = {}
         grown = dict.fromkeys(1 << place for place in range(len(self.plan.steps)))
         for _ in range(MAX_SUBSEQUENCE_STEPS - 1):
@@ -123,7 +139,9 @@ class PlanOrder:
         return [sequence for sequence in sequences if self._convex(sequence)]
 
     def _convex(self, positions: Positions) -> bool:
-        between = _union_positions(self._earlier, positions) & _union_positions(self._later, positions)
+        between = _union_positions(self._earlier, positions) & _union_positions(
+            self._later, positions
+        )
         return not between & ~positions
 
     def before(self, positions: Positions) -> Positions:
@@ -154,7 +172,8 @@ def _union_positions(sets: Sequence[Positions], positions: Positions) -> Positio
 
 
 def specialise_macro(macrop: Macrop, operators: Sequence[Function]) -> Macrop:
-    """A MACROP with one variable for each object in `operators`, the steps that it was generalised from.
+    """A MACROP with one variable for each object in `operators`, the steps that it was generalised
+    from.
 
     The MACROP must have no workflow chains.
     """
@@ -164,7 +183,9 @@ def specialise_macro(macrop: Macrop, operators: Sequence[Function]) -> Macrop:
     first: dict[Term, Variable] = {}
     for variable, term in (bindings or {}).items():
         first.setdefault(term, variable)
-    return _substitute_macro(macrop, {variable: first[term] for variable, term in (bindings or {}).items()})
+    return _substitute_macro(
+        macrop, {variable: first[term] for variable, term in (bindings or {}).items()}
+    )
 
 
 def _substitute_macro(macrop: Macrop, same: Substitution) -> Macrop:
@@ -178,7 +199,9 @@ def _substitute_macro(macrop: Macrop, same: Substitution) -> Macrop:
         goals=_substitute_literals(macrop.goals, same),
         preconditions=_substitute_literals(macrop.preconditions, same),
         adders=tuple(dict.fromkeys(_substitute_atoms(macrop.adders, same))),
-        types=tuple(Parameter(variable, name) for variable, name in types if isinstance(variable, Variable)),
+        types=tuple(
+            Parameter(variable, name) for variable, name in types if isinstance(variable, Variable)
+        ),
         constraints=tuple(
             dict.fromkeys(substitute_part(constraint, same) for constraint in macrop.constraints)
         ),
@@ -192,16 +215,24 @@ def _substitute_macro(macrop: Macrop, same: Substitution) -> Macrop:
                 for disequality in macrop.disequalities
             )
         ),
-        exclusions=tuple(tuple(substitute_part(part, same) for part in body) for body in macrop.exclusions),
-        resources=tuple(dict.fromkeys(substitute_term(resource, same) for resource in macrop.resources)),
+        exclusions=tuple(
+            tuple(substitute_part(part, same) for part in body) for body in macrop.exclusions
+        ),
+        resources=tuple(
+            dict.fromkeys(substitute_term(resource, same) for resource in macrop.resources)
+        ),
         steps=tuple(_substitute_step(step, same) for step in macrop.steps),
-        links=tuple(replace(link, condition=substitute_atom(link.condition, same)) for link in macrop.links),
+        links=tuple(
+            replace(link, condition=substitute_atom(link.condition, same)) for link in macrop.links
+        ),
     )
 
 
 def _substitute_literals(literals: Iterable[Literal], same: Substitution) -> tuple[Literal, ...]:
     return tuple(
-        dict.fromkeys(Literal(substitute_atom(literal.atom, same), literal.positive) for literal in literals)
+        dict.fromkeys(
+            Literal(substitute_atom(literal.atom, same), literal.positive) for literal in literals
+        )
     )
 
 

@@ -1,8 +1,8 @@
 """Safety of a proof: excludes what would make an instance of the generalised plan fail.
 
-This may be a threat to a link, a contradiction, or interference between unordered steps. If it could happen
-for some binding, the weakest condition that held in the original plan excludes it; most often, that two terms
-differ. So two terms must differ only if some step needs it.
+This may be a threat to a link, a contradiction, or interference between unordered steps. If it
+could happen for some binding, the weakest condition that held in the original plan excludes it;
+most often, that two terms differ. So two terms must differ only if some step needs it.
 """
 
 import itertools
@@ -44,7 +44,10 @@ class ProofSafety:
     _constrained_at: tuple[int, int] | None = None
 
     def establish(self) -> None:
-        """Exclude everything that could go wrong. Repeat while this makes terms equal or adds needs."""
+        """Exclude everything that could go wrong.
+
+        Repeat while this makes terms equal or adds needs.
+        """
         while True:
             known_sizes = (len(self.proof.equal.bindings), len(self.proof.needs))
             self.disequalities.clear()
@@ -61,7 +64,9 @@ class ProofSafety:
                 return
 
     def _threats(self) -> Iterator[tuple[Pairs, GuardedAtom, StepId]]:
-        """Threats: steps that may come between the ends of a link, with a consequence that ends it."""
+        """Threats: steps that may come between the ends of a link, with a consequence that ends
+        it.
+        """
         denied = self._by_predicate(False)
         added = self._by_predicate(True)
         for need in self.proof.needs:
@@ -73,8 +78,9 @@ class ProofSafety:
     def _taken_back(self) -> Iterator[tuple[Pairs, GuardedAtom, StepId]]:
         """Additions of a step that could undo its own denials.
 
-        A step may deny one atom and add another of the same predicate. Under some bindings they are the same
-        atom. Then the atom is true after the step, although a later step needs it to be false.
+        A step may deny one atom and add another of the same predicate. Under some bindings they are
+        the same atom. Then the atom is true after the step, although a later step needs it to be
+        false.
         """
         for need in self.proof.needs:
             if not need.positive and need.producer != INITIAL_STEP:
@@ -104,7 +110,9 @@ class ProofSafety:
                         yield (*_rename_apart(self.proof, denied, added), step)
 
     def _interference(self) -> Iterator[tuple[Pairs, GuardedAtom, StepId]]:
-        """Interference: unordered steps that share a resource, or where one denies what the other adds."""
+        """Interference: unordered steps that share a resource, or where one denies what the
+        other adds.
+        """
         resources = {
             step: [substitute_term(r, self.proof.header(step)) for r in schema.operator.resources]
             for step, schema in self.proof.schemas.items()
@@ -124,7 +132,9 @@ class ProofSafety:
                     yield (*_rename_apart(self.proof, denied, added), step)
 
     def _exclude(self, pairs: Pairs, cause: GuardedAtom, step: StepId) -> None:
-        """Demand a condition under which the pairs are never all equal while the guard of `cause` holds."""
+        """Demand a condition under which the pairs are never all equal while the guard of
+        `cause` holds.
+        """
         parts = self.firing(pairs, cause.guard)
         if parts is None or (cause.needs and self._prevented(parts, cause, step)):
             return
@@ -136,7 +146,9 @@ class ProofSafety:
         if false:
             self._negate(false)
         elif is_satisfiable(parts, self.proof.world.statics, self._values(parts)):
-            raise NotGeneral(f"step {step} {cause.atom}: the original plan itself does not exclude this")
+            raise NotGeneral(
+                f"step {step} {cause.atom}: the original plan itself does not exclude this"
+            )
         else:
             self.exclusions[tuple(part for part in parts if part not in own) or parts] = None
 
@@ -164,16 +176,25 @@ class ProofSafety:
         return differ in self._constrained
 
     def firing(self, pairs: Pairs, guard: Body) -> Body | None:
-        """The condition that all pairs are equal and the guard holds, simplified; None if never true."""
+        """The condition that all pairs are equal and the guard holds, simplified; None if never
+        true.
+        """
         equal = self.proof.equal
         unifier = weakest_equations(
-            [(equal.resolved(first_term), equal.resolved(second_term)) for first_term, second_term in pairs]
+            [
+                (equal.resolved(first_term), equal.resolved(second_term))
+                for first_term, second_term in pairs
+            ]
         )
         if unifier is None:
             return None
         origin = self.proof.origin
         local = {variable: term for variable, term in unifier.items() if variable not in origin}
-        own = [Comparison(variable, "=", term) for variable, term in unifier.items() if variable in origin]
+        own = [
+            Comparison(variable, "=", term)
+            for variable, term in unifier.items()
+            if variable in origin
+        ]
         resolved = [substitute_part(self._resolved(part), local) for part in guard]
         return simplify_body((*own, *resolved))
 
@@ -182,7 +203,11 @@ class ProofSafety:
 
     def _values(self, parts: Body) -> dict[Variable, Term]:
         used = {variable for part in parts for variable in part_variables(part)}
-        return {variable: self.proof.origin[variable] for variable in used if variable in self.proof.origin}
+        return {
+            variable: self.proof.origin[variable]
+            for variable in used
+            if variable in self.proof.origin
+        }
 
     def _true(self, part: BodyPart) -> bool:
         return is_satisfiable((part,), self.proof.world.statics, self._values((part,)))
@@ -196,7 +221,9 @@ class ProofSafety:
             return False
         state = self.proof.states[step]
         for part in cause.needs:
-            if not isinstance(part, Literal) or any(v not in self.proof.origin for v in part_variables(part)):
+            if not isinstance(part, Literal) or any(
+                v not in self.proof.origin for v in part_variables(part)
+            ):
                 continue
             if not is_satisfiable((part,), state, self._values((part,))):
                 self.proof.need(part.atom, not part.positive, step)
@@ -206,12 +233,14 @@ class ProofSafety:
     def _negate(self, false: list[BodyPart]) -> None:
         """Add the weakest negation of the parts.
 
-        This is the first that is possible: terms differ, a comparison is negated, a static fact is negated,
-        terms are equal.
+        This is the first that is possible: terms differ, a comparison is negated, a static fact is
+        negated, terms are equal.
         """
         equal = [part for part in false if isinstance(part, Comparison) and part.relation == "="]
         comparisons = [
-            part for part in false if isinstance(part, Comparison) and part.relation not in ("=", "!=")
+            part
+            for part in false
+            if isinstance(part, Comparison) and part.relation not in ("=", "!=")
         ]
         literals = [part for part in false if isinstance(part, Literal)]
         if equal:
@@ -224,8 +253,13 @@ class ProofSafety:
             self.proof.equal.join(part.left, part.right)
 
 
-def _rename_apart(proof: PlanProof, denied: GuardedAtom, added: GuardedAtom) -> tuple[Pairs, GuardedAtom]:
-    """A denial and an addition of the same atom, as one cause. The addition has its own local variables."""
+def _rename_apart(
+    proof: PlanProof, denied: GuardedAtom, added: GuardedAtom
+) -> tuple[Pairs, GuardedAtom]:
+    """A denial and an addition of the same atom, as one cause.
+
+    The addition has its own local variables.
+    """
     own = proof.apart(added)
     guard, needs = (*denied.guard, *own.guard), (*denied.needs, *own.needs)
     return [(denied.atom, own.atom)], GuardedAtom(denied.atom, guard, needs)
@@ -251,6 +285,7 @@ def _some_difference(equal: list[Comparison]) -> Comparison:
     if len(equal) == 1:
         return make_disequality(equal[0].left, equal[0].right)
     left, right = (
-        Function("", tuple(getattr(comparison, side) for comparison in equal)) for side in ("left", "right")
+        Function("", tuple(getattr(comparison, side) for comparison in equal))
+        for side in ("left", "right")
     )
     return Comparison(left, "!=", right)

@@ -16,7 +16,10 @@ class Equalities:
         self._resolved: dict[Variable, Term] = {}  # a cache; cleared when terms become equal
 
     def join(self, one: Term, other: Term) -> bool:
-        """Make two terms equal. Returns whether that was new. Raises `NotGeneral` if they cannot be equal."""
+        """Make two terms equal.
+
+        Returns whether that was new. Raises `NotGeneral` if they cannot be equal.
+        """
         one, other = self._root(one), self._root(other)
         if one == other:
             return False
@@ -81,12 +84,16 @@ def _follow_bindings(term: Term, bindings: Mapping[Variable, Term]) -> Term:
     while isinstance(term, Variable) and term in bindings:
         term = bindings[term]
     if isinstance(term, Function) and term.arguments:
-        return Function(term.name, tuple(_follow_bindings(argument, bindings) for argument in term.arguments))
+        return Function(
+            term.name, tuple(_follow_bindings(argument, bindings) for argument in term.arguments)
+        )
     return term
 
 
 def comparison_truth(part: BodyPart) -> bool | None:
-    """Whether a comparison is true or false, if that does not depend on its variables; None if it does."""
+    """Whether a comparison is true or false, if that does not depend on its variables; None if
+    it does.
+    """
     if not isinstance(part, Comparison):
         return None
     if part.relation not in ("=", "!="):
@@ -107,18 +114,24 @@ def _same_terms(left: Term, right: Term) -> bool | None:
 
 
 def make_disequality(left: Term, right: Term) -> Comparison:
-    """`left != right`. If compound terms differ in only one argument, the comparison is of this argument."""
+    """`left != right`. If compound terms differ in only one argument, the comparison is of this
+    argument.
+    """
     while (
         isinstance(left, Function)
         and isinstance(right, Function)
         and left.name == right.name
         and len(left.arguments) == len(right.arguments)
     ):
-        open_pairs = [(a, b) for a, b in zip(left.arguments, right.arguments, strict=True) if a != b]
+        open_pairs = [
+            (a, b) for a, b in zip(left.arguments, right.arguments, strict=True) if a != b
+        ]
         if len(open_pairs) != 1:
             break
         left, right = open_pairs[0]
-    return Comparison(left, "!=", right) if str(left) <= str(right) else Comparison(right, "!=", left)
+    return (
+        Comparison(left, "!=", right) if str(left) <= str(right) else Comparison(right, "!=", left)
+    )
 
 
 def simplify_body(body: Body) -> Body | None:

@@ -1,9 +1,10 @@
 """Index of MACROPs by goal signature and by features: cheap tests before any MACROP is matched.
 
-Many MACROPs share a feature. It is one precondition, constraint or type of a MACROP together with one of its
-goals, or with none. A goal of the query binds the variables of that goal; all other variables may be anything
-of their types. Each goal of a MACROP serves one goal of the query. So if `n` goals of a MACROP have a
-feature, `n` goals of the query must have it. A feature is stored as a text; equal features have equal texts.
+Many MACROPs share a feature. It is one precondition, constraint or type of a MACROP together with
+one of its goals, or with none. A goal of the query binds the variables of that goal; all other
+variables may be anything of their types. Each goal of a MACROP serves one goal of the query. So if
+`n` goals of a MACROP have a feature, `n` goals of the query must have it. A feature is stored as a
+text; equal features have equal texts.
 """
 
 import functools
@@ -15,11 +16,22 @@ from weakref import WeakKeyDictionary
 
 from cellwright.engine.stages.lifted.cell_domain import CellDomain
 from cellwright.engine.stages.macros.lookup.macro_matching import MatchingOrder, match_open
-from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery, signature_asked, signature_of
+from cellwright.engine.stages.macros.lookup.macro_query import (
+    MacroQuery,
+    signature_asked,
+    signature_of,
+)
 from cellwright.kb.model.conditions import Literal, Parameter
 from cellwright.kb.model.plan_model import Macrop
 from cellwright.kb.store.term_notation import Requirement, read_literal
-from cellwright.kb.terms import Function, Term, Variable, match_term, substitute_atom, term_variables
+from cellwright.kb.terms import (
+    Function,
+    Term,
+    Variable,
+    match_term,
+    substitute_atom,
+    term_variables,
+)
 
 MAX_REMEMBERED_PROFILES = 1 << 14  # goals whose features are remembered
 
@@ -28,8 +40,8 @@ MAX_REMEMBERED_PROFILES = 1 << 14  # goals whose features are remembered
 class LookupFeature:
     """The condition that `wanted` holds for a goal that fits `goal`.
 
-    `wanted` is an atom of the state or of the statics. If it is None, the goal only has to fit. `shape` is
-    `goal` as a text, and `own` are the variables of `goal` that occur in `wanted`.
+    `wanted` is an atom of the state or of the statics. If it is None, the goal only has to fit.
+    `shape` is `goal` as a text, and `own` are the variables of `goal` that occur in `wanted`.
     """
 
     kind: str  # goal, state, static
@@ -42,7 +54,9 @@ class LookupFeature:
 
 @dataclass(frozen=True, slots=True)
 class _Demand:
-    """A literal that a MACROP demands of the state or of the statics, with its variables in order."""
+    """A literal that a MACROP demands of the state or of the statics, with its variables in
+    order.
+    """
 
     kind: str
     atom: Function
@@ -74,9 +88,13 @@ def macro_requirements(macrop: Macrop) -> tuple[Requirement, ...]:
 
 def _demanded_parts(macrop: Macrop) -> Iterator[_Demand]:
     demanded = [
-        ("state", precondition.atom) for precondition in macrop.preconditions if precondition.positive
+        ("state", precondition.atom)
+        for precondition in macrop.preconditions
+        if precondition.positive
     ]
-    demanded += [("static", p.atom) for p in macrop.constraints if isinstance(p, Literal) and p.positive]
+    demanded += [
+        ("static", p.atom) for p in macrop.constraints if isinstance(p, Literal) and p.positive
+    ]
     demanded += [("static", Function(p.type, (p.variable,))) for p in macrop.types]
     for kind, atom in demanded:
         yield _Demand(kind, atom, tuple(dict.fromkeys(term_variables(atom))))
@@ -120,8 +138,8 @@ Bound = dict[Variable, Term]
 class GoalProfile:
     """What is known so far about a goal in a world.
 
-    `bindings` has its bindings by shape, None for a shape that it does not fit. `features` says which
-    features over statics it has.
+    `bindings` has its bindings by shape, None for a shape that it does not fit. `features` says
+    which features over statics it has.
     """
 
     goal: Literal
@@ -129,7 +147,9 @@ class GoalProfile:
     features: dict[str, bool] = field(default_factory=dict)
 
     def fitting(self, lookup_feature: LookupFeature) -> Bound | None:
-        """The values that the goal gives to the variables of a feature's goal; None if it does not fit."""
+        """The values that the goal gives to the variables of a feature's goal; None if it does
+        not fit.
+        """
         if lookup_feature.shape not in self.bindings:
             self.bindings[lookup_feature.shape] = self._fitting(lookup_feature.goal)
         return self.bindings[lookup_feature.shape]
@@ -142,10 +162,15 @@ class GoalProfile:
 
 
 class GoalProfiles:
-    """The profiles of goals in each world. They are kept because similar queries need the same ones again."""
+    """The profiles of goals in each world.
+
+    They are kept because similar queries need the same ones again.
+    """
 
     def __init__(self) -> None:
-        self._worlds: WeakKeyDictionary[CellDomain, dict[Literal, GoalProfile]] = WeakKeyDictionary()
+        self._worlds: WeakKeyDictionary[CellDomain, dict[Literal, GoalProfile]] = (
+            WeakKeyDictionary()
+        )
 
     def of(self, world: CellDomain, goal: Literal) -> GoalProfile:
         """The profile of a goal, to which the caller adds."""
@@ -256,7 +281,9 @@ class IndexEntry:
 
 
 def macro_rank(key: Hashable, name: str, cost: int | None, steps: int) -> Rank:
-    """The sort key of a MACROP among those that fit: cost, then number of steps, then header and key."""
+    """The sort key of a MACROP among those that fit: cost, then number of steps, then header
+    and key.
+    """
     return UNKNOWN_COST if cost is None else cost, steps, name, str(key)
 
 
@@ -287,7 +314,10 @@ class _Shelf:
         self.present &= ~(1 << place)
 
     def fitting(self, observed: FeatureCounter) -> list[IndexEntry]:
-        """The entries whose requirements are met. A requirement that no remaining entry has is skipped."""
+        """The entries whose requirements are met.
+
+        A requirement that no remaining entry has is skipped.
+        """
         if not self.order:
             # features without a goal come first: each costs a single test
             self.order = sorted(self.requiring, key=lambda text: not text.startswith("state\n\n"))
@@ -299,7 +329,9 @@ class _Shelf:
                 for least, those in sets.items():
                     if count < least:
                         remaining &= ~those
-        return [entry for place in _single_bits(remaining) if (entry := self.entries[place]) is not None]
+        return [
+            entry for place in _single_bits(remaining) if (entry := self.entries[place]) is not None
+        ]
 
 
 def _single_bits(number: int) -> Iterable[int]:
@@ -326,7 +358,9 @@ class MacroIndex:
     def add(self, key: Hashable, macrop: Macrop) -> None:
         """Add a MACROP. It replaces one with the same key."""
         order = macro_rank(key, str(macrop.name), macrop.cost, len(macrop.steps))
-        self.put(signature_of(macrop), IndexEntry(key, order, lambda: macrop), macro_requirements(macrop))
+        self.put(
+            signature_of(macrop), IndexEntry(key, order, lambda: macrop), macro_requirements(macrop)
+        )
 
     def put(self, signature: str, entry: IndexEntry, required: Iterable[Requirement]) -> None:
         """Add an entry with its requirements. Its MACROP need not have been read yet."""
@@ -346,4 +380,6 @@ class MacroIndex:
         shelf = self._shelves.get(signature_asked(asked))
         if shelf is None:
             return []
-        return sorted(shelf.fitting(FeatureCounter(asked, self._profiles)), key=lambda entry: entry.rank)
+        return sorted(
+            shelf.fitting(FeatureCounter(asked, self._profiles)), key=lambda entry: entry.rank
+        )

@@ -1,4 +1,6 @@
-"""Lookup of the cheapest instance of a MACROP that serves a query, and the check of the instance."""
+"""Lookup of the cheapest instance of a MACROP that serves a query, and the check of the
+instance.
+"""
 
 import itertools
 from collections.abc import Callable, Hashable, Iterator, Mapping
@@ -9,7 +11,11 @@ from cellwright.engine.stages.lifted.fact_queries import Bindings, FactSet, is_s
 from cellwright.engine.stages.lifted.lifted_execution import LiftedExecution
 from cellwright.engine.stages.lifted.operator_schemas import GuardedAtom, NotGeneral
 from cellwright.engine.stages.macros.lookup.macro_index import IndexEntry, MacroIndex
-from cellwright.engine.stages.macros.lookup.macro_matching import MatchingBudget, OutOfWork, match_macro
+from cellwright.engine.stages.macros.lookup.macro_matching import (
+    MatchingBudget,
+    OutOfWork,
+    match_macro,
+)
 from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery, is_met
 from cellwright.kb.model.conditions import Literal
 from cellwright.kb.model.operator_amounts import Amounts, NoAmount
@@ -23,7 +29,15 @@ from cellwright.kb.model.planning_problem import (
     stages_in_turn,
     too_early,
 )
-from cellwright.kb.terms import Atom, Term, Variable, is_ground, match_term, substitute_atom, substitute_term
+from cellwright.kb.terms import (
+    Atom,
+    Term,
+    Variable,
+    is_ground,
+    match_term,
+    substitute_atom,
+    substitute_term,
+)
 
 
 def instantiate_macro(macrop: Macrop, bindings: Mapping[Variable, Term], amounts: Amounts) -> Plan:
@@ -37,7 +51,8 @@ def instantiate_macro(macrop: Macrop, bindings: Mapping[Variable, Term], amounts
         for condition in {link.condition for link in macrop.links}
     }
     links = tuple(
-        CausalLink(link.producer, conditions[link.condition], link.consumer) for link in macrop.links
+        CausalLink(link.producer, conditions[link.condition], link.consumer)
+        for link in macrop.links
     )
     return Plan(steps, links)
 
@@ -58,7 +73,8 @@ def _instantiate_step(step: MacroStep, bindings: Mapping[Variable, Term], amount
 class MacroRefusal:
     """The reason why a plan does not serve a query.
 
-    `lost` says that the plan ends a goal that held before. Other instances of the MACROP would end it, too.
+    `lost` says that the plan ends a goal that held before. Other instances of the MACROP would end
+    it, too.
     """
 
     reason: str
@@ -66,7 +82,9 @@ class MacroRefusal:
 
 
 def check_instance(plan: Plan, asked: MacroQuery) -> Situation | MacroRefusal:
-    """The situation after a plan, if it serves the query in every order that it allows; else why not."""
+    """The situation after a plan, if it serves the query in every order that it allows; else
+    why not.
+    """
     run = LiftedExecution(asked.world, asked.facts)
     try:
         refusal = run.run(plan)
@@ -83,7 +101,9 @@ def check_instance(plan: Plan, asked: MacroQuery) -> Situation | MacroRefusal:
 
 
 def _unfinished_chain(plan: Plan, asked: MacroQuery, run: LiftedExecution, end: Situation) -> str:
-    """Which chain of the workflow is not worked through, as soon as possible and in order; or nothing."""
+    """Which chain of the workflow is not worked through, as soon as possible and in order; or
+    nothing.
+    """
     if not asked.chains:
         event = next((event for change in run.changes.values() for event in change.events), None)
         return f"{event} is not the next stage of any chain" if event is not None else ""
@@ -95,21 +115,29 @@ def _unfinished_chain(plan: Plan, asked: MacroQuery, run: LiftedExecution, end: 
     for step in plan.steps:
         change = run.changes[step.id]
         after = change.applied(facts)
-        counts, unexpected = advance_chains(asked.chains, reached, change.events, stage_holds(after))
+        counts, unexpected = advance_chains(
+            asked.chains, reached, change.events, stage_holds(after)
+        )
         now = stages_in_turn(asked.chains, reached, counts) if late else []
         early = too_early(late, change.adds, stage_holds(facts), now) if late else None
         if wrong := next((fault for fault in (*unexpected, early) if fault is not None), None):
             return f"{wrong} is not the next stage of any chain"
         facts, reached = after, counts
-    open_ = next((chain.name for chain in asked.chains if reached[chain.name] < len(chain.stages)), None)
+    open_ = next(
+        (chain.name for chain in asked.chains if reached[chain.name] < len(chain.stages)), None
+    )
     if open_ is not None:
         return f"the workflow of {open_} is not finished"
-    lasting_stages = (last for own in final_stages(asked.chains, asked.world.domain).values() for last in own)
+    lasting_stages = (
+        last for own in final_stages(asked.chains, asked.world.domain).values() for last in own
+    )
     return next((f"{last} does not last" for last in lasting_stages if last not in end.facts), "")
 
 
 def _disturbing_steps(plan: Plan, run: LiftedExecution) -> str:
-    """Names two unordered steps that share a resource or disturb each other's effects; or an empty text."""
+    """Names two unordered steps that share a resource or disturb each other's effects; or an
+    empty text.
+    """
     if all(step.id in next_step.after for step, next_step in itertools.pairwise(plan.steps)):
         return ""
     before = plan.predecessors()
@@ -128,13 +156,17 @@ def _disturbing_steps(plan: Plan, run: LiftedExecution) -> str:
 
 
 def _serves_later(step: Step, later: Step, run: LiftedExecution) -> bool:
-    """Whether a step makes something true that a later one in the list needs, and that was not true before."""
+    """Whether a step makes something true that a later one in the list needs, and that was not
+    true before.
+    """
     adds, before = run.changes[step.id].adds, run.before[step.id]
     return any(atom in adds and atom not in before for atom in _precondition_atoms(later, run))
 
 
 def _harms_rival(step: Step, rival: Step, plan: Plan, run: LiftedExecution) -> bool:
-    """Whether `step` denies an atom that `rival` adds or needs, or adds one that must be absent for it."""
+    """Whether `step` denies an atom that `rival` adds or needs, or adds one that must be absent
+    for it.
+    """
     link_conditions = [link.condition for link in plan.links if link.consumer == rival.id]
     absent = [c.arguments[0] for c in link_conditions if c.name == "not" and len(c.arguments) == 1]
     if any(atom in run.changes[step.id].adds for atom in absent):
@@ -145,7 +177,11 @@ def _harms_rival(step: Step, rival: Step, plan: Plan, run: LiftedExecution) -> b
         *_precondition_atoms(rival, run),
     }
     schema, bindings = run.world.binding(step.operator)
-    return any(_may_deny(denial, atom, bindings, run.world) for denial in schema.denies for atom in protected)
+    return any(
+        _may_deny(denial, atom, bindings, run.world)
+        for denial in schema.denies
+        for atom in protected
+    )
 
 
 def _precondition_atoms(step: Step, run: LiftedExecution) -> Iterator[Atom]:
@@ -163,10 +199,13 @@ def _may_deny(denial: GuardedAtom, atom: Atom, bindings: Bindings, world: CellDo
     if denial.atom.name != atom.name:
         return False
     match_bindings = match_term(denial.atom, atom, bindings)
-    return match_bindings is not None and is_satisfiable(denial.guard, world.statics, match_bindings)
+    return match_bindings is not None and is_satisfiable(
+        denial.guard, world.statics, match_bindings
+    )
 
 
-MAX_CHECKED_INSTANCES = 8  # instances of one MACROP that are checked before the next MACROP is tried
+# instances of one MACROP that are checked before the next MACROP is tried
+MAX_CHECKED_INSTANCES = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,10 +224,11 @@ def look_up(
     work: MatchingBudget | None = None,
     in_vain: Callable[[IndexEntry], None] = lambda _: None,
 ) -> LookupHit | None:
-    """The cheapest checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`.
+    """The cheapest checked plan for a query from an index; None if no MACROP serves it, or none is
+    found within `work`.
 
-    MACROPs come by their cost; those whose cost only a binding tells come last, and each of them is asked. `in_vain` hears
-    of each MACROP that was tried and did not serve.
+    MACROPs come by their cost; those whose cost only a binding tells come last, and each of them is
+    asked. `in_vain` hears of each MACROP that was tried and did not serve.
     """
     work = work if work is not None else MatchingBudget()
     best: LookupHit | None = None
@@ -216,7 +256,9 @@ def _cheapest_hit(entry: IndexEntry, asked: MacroQuery, work: MatchingBudget) ->
     return min(hits, key=lambda hit: hit.plan.cost, default=None)
 
 
-def _checked_instances(entry: IndexEntry, asked: MacroQuery, work: MatchingBudget) -> Iterator[LookupHit]:
+def _checked_instances(
+    entry: IndexEntry, asked: MacroQuery, work: MatchingBudget
+) -> Iterator[LookupHit]:
     program = entry.program
     if program is None:
         return

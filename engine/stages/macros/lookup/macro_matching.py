@@ -4,7 +4,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from cellwright.engine.stages.lifted.fact_queries import Bindings, FactSet, is_satisfiable, solve_body
+from cellwright.engine.stages.lifted.fact_queries import (
+    Bindings,
+    FactSet,
+    is_satisfiable,
+    solve_body,
+)
 from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery
 from cellwright.kb.arithmetic import compare_terms
 from cellwright.kb.model.conditions import (
@@ -37,8 +42,8 @@ from cellwright.kb.terms import term_variables as variables_of
 class MatchItem:
     """One part of a MACROP that must be satisfied.
 
-    `kind` says by what: a `goal` or `chain` of the query, an atom of the `state`, a `static` fact, or a
-    `type`.
+    `kind` says by what: a `goal` or `chain` of the query, an atom of the `state`, a `static` fact,
+    or a `type`.
     """
 
     kind: str
@@ -50,8 +55,9 @@ class MatchItem:
 class GoalTests:
     """A goal with the tests on its variables alone.
 
-    Those that are `fixed` ask the statics, those that are `changing` the state. Goals with equal `key` fit the same goals of a
-    query; those with equal `fixed_key` do so as far as the statics decide.
+    Those that are `fixed` ask the statics, those that are `changing` the state. Goals with equal
+    `key` fit the same goals of a query; those with equal `fixed_key` do so as far as the statics
+    decide.
     """
 
     part: Literal
@@ -64,13 +70,18 @@ class GoalTests:
 
 @dataclass(frozen=True)
 class MatchingOrder:
-    """The order in which the parts of a MACROP are matched. Each part of it is computed at its first use."""
+    """The order in which the parts of a MACROP are matched.
+
+    Each part of it is computed at its first use.
+    """
 
     macrop: Macrop
 
     @cached_property
     def items(self) -> tuple[MatchItem, ...]:
-        """The parts in order. Goals and chains come first, each followed by the tests that it decides."""
+        """The parts in order. Goals and chains come first, each followed by the tests that it
+        decides.
+        """
         chains = [_make_item("chain", chain) for chain in _in_order(self.macrop.chains)]
         return tuple(_order_items([*_goal_items(self.macrop), *chains], list(self.tests), set()))
 
@@ -88,14 +99,18 @@ class MatchingOrder:
     def between(self) -> tuple[MatchItem, ...]:
         """The tests that several goals decide together."""
         return tuple(
-            test for test in self.tests if test.variables <= self._bound and id(test) not in self._own
+            test
+            for test in self.tests
+            if test.variables <= self._bound and id(test) not in self._own
         )
 
     @cached_property
     def rest(self) -> tuple[MatchItem, ...]:
         """The tests that remain when all goals are bound."""
         return tuple(
-            _order_items([], [test for test in self.tests if not test.variables <= self._bound], self._bound)
+            _order_items(
+                [], [test for test in self.tests if not test.variables <= self._bound], self._bound
+            )
         )
 
     def prepare(self) -> None:
@@ -119,7 +134,9 @@ def _test_items(macrop: Macrop) -> list[MatchItem]:
     items = [_make_item("state", precondition) for precondition in macrop.preconditions]
     tests = (*macrop.constraints, *macrop.disequalities)
     items += [
-        _make_item("static", test) for test in tests if not isinstance(test, Aggregate | StateAggregate)
+        _make_item("static", test)
+        for test in tests
+        if not isinstance(test, Aggregate | StateAggregate)
     ]
     return items + [_make_item("type", type_test) for type_test in macrop.types]
 
@@ -224,19 +241,25 @@ class MatchingBudget:
 def match_macro(
     program: MatchingOrder, asked: MacroQuery, work: MatchingBudget
 ) -> Iterator[dict[Variable, Term]]:
-    """Every binding that satisfies the MACROP's goals, preconditions and constraints. Raises `OutOfWork`."""
+    """Every binding that satisfies the MACROP's goals, preconditions and constraints.
+
+    Raises `OutOfWork`.
+    """
     macrop = program.macrop
     if (len(macrop.goals), len(macrop.chains)) != (len(asked.goals), len(asked.chains)):
         return
     for solution in _macro_solutions(program, asked, work):
-        if not any(is_satisfiable(body, asked.world.statics, solution) for body in macrop.exclusions):
+        if not any(
+            is_satisfiable(body, asked.world.statics, solution) for body in macrop.exclusions
+        ):
             yield solution
 
 
 def join_macro_goals(
     program: MatchingOrder, asked: MacroQuery, work: MatchingBudget
 ) -> Iterator[dict[Variable, Term]]:
-    """The bindings before exclusions are tested. Goals are bound one by one, in the MACROP's own order.
+    """The bindings before exclusions are tested. Goals are bound one by one, in the MACROP's own
+    order.
 
     This way works for workflow chains and for goals with `_`, too.
     """
@@ -295,12 +318,18 @@ class _Assignment:
             )
             if values is None:
                 continue
-            bindings = dict(zip(goal_tests.variables, values, strict=True)) if goal_tests.changing else {}
+            bindings = (
+                dict(zip(goal_tests.variables, values, strict=True)) if goal_tests.changing else {}
+            )
             if all(tests.test(item, bindings) for item in goal_tests.changing):
                 yield number, values
 
-    def _known(self, goal_tests: GoalTests, goal: Atom, tests: "_Matching") -> tuple[Term, ...] | None:
-        """The values of the variables if a goal fits, as far as the statics decide: queries in one cell have the same goals."""
+    def _known(
+        self, goal_tests: GoalTests, goal: Atom, tests: "_Matching"
+    ) -> tuple[Term, ...] | None:
+        """The values of the variables if a goal fits, as far as the statics decide: queries in
+        one cell have the same goals.
+        """
         cache, key = self.asked.world.fitting, (goal_tests.fixed_key, goal)
         if key not in cache:
             if len(cache) >= MAX_REMEMBERED_GOALS:
@@ -337,9 +366,13 @@ class _Assignment:
                 continue
             tests_left = self._untested(open_, extended)
             if tests_left is not None:
-                yield from self._given(choices[1:], order[1:], extended, taken | 1 << number, tests_left)
+                yield from self._given(
+                    choices[1:], order[1:], extended, taken | 1 << number, tests_left
+                )
 
-    def _untested(self, open_: list[MatchItem], bindings: dict[Variable, Term]) -> list[MatchItem] | None:
+    def _untested(
+        self, open_: list[MatchItem], bindings: dict[Variable, Term]
+    ) -> list[MatchItem] | None:
         """The tests that still have open variables; None if one of the others is false."""
         tests = _Matching((), self.asked, self.work)
         tests_left = []
@@ -368,7 +401,11 @@ class _Matching:
     work: MatchingBudget
 
     def solutions(
-        self, place: int, bindings: Bindings, waiting: tuple[MatchItem, ...], taken: frozenset[object]
+        self,
+        place: int,
+        bindings: Bindings,
+        waiting: tuple[MatchItem, ...],
+        taken: frozenset[object],
     ) -> Iterator[dict[Variable, Term]]:
         """The bindings that satisfy all items from `place` on.
 
@@ -396,14 +433,18 @@ class _Matching:
         self, item: MatchItem, bindings: Bindings, taken: frozenset[object]
     ) -> Iterator[tuple[Literal | Chain, Bindings]]:
         """The free goals or chains of the query that the item can serve, each with its bindings."""
-        candidates: Iterable[Literal | Chain] = self.asked.goals if item.kind == "goal" else self.asked.chains
+        candidates: Iterable[Literal | Chain] = (
+            self.asked.goals if item.kind == "goal" else self.asked.chains
+        )
         for candidate in candidates:
             if candidate in taken:
                 continue
             self.work.spend()
             if isinstance(candidate, Literal) and isinstance(item.part, Literal):
                 same = item.part.positive == candidate.positive
-                match_bindings = match_open(item.part.atom, candidate.atom, bindings) if same else None
+                match_bindings = (
+                    match_open(item.part.atom, candidate.atom, bindings) if same else None
+                )
             elif isinstance(candidate, Chain) and isinstance(item.part, MacroChain):
                 match_bindings = _match_chain(item.part, candidate, bindings)
             else:
@@ -416,12 +457,16 @@ class _Matching:
         part = item.part
         if isinstance(part, Parameter):
             value = bindings.get(part.variable)
-            return self.asked.world.statics.has_type(value, part.type) if value is not None else None
+            return (
+                self.asked.world.statics.has_type(value, part.type) if value is not None else None
+            )
         if not item.variables <= bindings.keys():
             return None
         if isinstance(part, Comparison):
             return compare_terms(
-                substitute_term(part.left, bindings), part.relation, substitute_term(part.right, bindings)
+                substitute_term(part.left, bindings),
+                part.relation,
+                substitute_term(part.right, bindings),
             )
         if isinstance(part, Literal):
             return (substitute_atom(part.atom, bindings) in self._facts(item)) == part.positive
@@ -470,10 +515,12 @@ def _match_chain(macro_chain: MacroChain, chain: Chain, bindings: Bindings) -> B
     if match_bindings is not None and macro_chain.subject is not None and chain.subject is not None:
         match_bindings = match_term(macro_chain.subject, chain.subject, match_bindings)
     for stage, term in zip(macro_chain.stages, chain.stages, strict=True):
-        match_bindings = match_open(stage, term, match_bindings) if match_bindings is not None else None
-    if match_bindings is None or {substitute_term(name, match_bindings) for name in macro_chain.after} != set(
-        map(Text, chain.after)
-    ):
+        match_bindings = (
+            match_open(stage, term, match_bindings) if match_bindings is not None else None
+        )
+    if match_bindings is None or {
+        substitute_term(name, match_bindings) for name in macro_chain.after
+    } != set(map(Text, chain.after)):
         return None
     return match_bindings
 

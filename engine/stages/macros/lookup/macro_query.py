@@ -5,7 +5,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation, body_holds, with_derived
+from cellwright.engine.stages.lifted.cell_domain import (
+    CellDomain,
+    Situation,
+    body_holds,
+    with_derived,
+)
 from cellwright.engine.stages.lifted.fact_queries import FactSet
 from cellwright.kb.model.conditions import Condition, Exists, Literal, goal_parts
 from cellwright.kb.model.plan_model import Macrop
@@ -26,8 +31,8 @@ MOST_KEPT = 3
 class MacroQuery:
     """A problem as lookup sees it. In goals `_` stands for anything.
 
-    The goals in `kept` hold already, and must hold again at the end. In `memory`, matching stores results
-    that it needs for several MACROPs.
+    The goals in `kept` hold already, and must hold again at the end. In `memory`, matching stores
+    results that it needs for several MACROPs.
     """
 
     situation: Situation
@@ -53,7 +58,9 @@ class MacroQuery:
 
 
 def make_query(problem: Problem, situation: Situation) -> MacroQuery | None:
-    """The query of a problem; None if a goal is no literal, or a stage has several. Chains that are finished at the start are kept so."""
+    """The query of a problem; None if a goal is no literal, or a stage has several. Chains that
+    are finished at the start are kept so.
+    """
     if any(stage.name == TOGETHER_SIGN for chain in problem.chains for stage in chain.stages):
         return None
     goals: dict[bool, dict[Literal, None]] = {False: {}, True: {}}
@@ -62,9 +69,13 @@ def make_query(problem: Problem, situation: Situation) -> MacroQuery | None:
         if literal is None:
             return None
         goals[is_met(literal, situation)][literal] = None
-    done = finished_chains(problem.chains, initial_progress(problem.chains, stage_holds(situation.facts)))
+    done = finished_chains(
+        problem.chains, initial_progress(problem.chains, stage_holds(situation.facts))
+    )
     lasts = final_stages(problem.chains, problem.domain)
-    goals[True] |= {Literal(stage): None for name, own in lasts.items() if name in done for stage in own}
+    goals[True] |= {
+        Literal(stage): None for name, own in lasts.items() if name in done for stage in own
+    }
     chains = tuple(
         replace(chain, after=tuple(name for name in chain.after if name not in done))
         for chain in problem.chains
@@ -76,8 +87,8 @@ def make_query(problem: Problem, situation: Situation) -> MacroQuery | None:
 def query_variants(asked: MacroQuery) -> Iterator[MacroQuery]:
     """The query itself, then variants in which some goals that hold already must be achieved again.
 
-    A plan may have to end such a goal for a while. If there are at most `MOST_KEPT` of them, all choices are
-    tried; otherwise only none and all.
+    A plan may have to end such a goal for a while. If there are at most `MOST_KEPT` of them, all
+    choices are tried; otherwise only none and all.
     """
     yield asked
     if len(asked.kept) > MOST_KEPT:
@@ -89,11 +100,15 @@ def query_variants(asked: MacroQuery) -> Iterator[MacroQuery]:
 
 
 def goal_literal(goal: Condition) -> Literal | None:
-    """A goal as a literal, in which existential variables become `_`; None if it is something else."""
+    """A goal as a literal, in which existential variables become `_`; None if it is something
+    else.
+    """
     if isinstance(goal, Literal):
         return goal
     if isinstance(goal, Exists) and isinstance(goal.part, Literal) and goal.part.positive:
-        return Literal(substitute_atom(goal.part.atom, {p.variable: ANYTHING for p in goal.parameters}))
+        return Literal(
+            substitute_atom(goal.part.atom, {p.variable: ANYTHING for p in goal.parameters})
+        )
     return None
 
 
@@ -112,7 +127,9 @@ def goal_signature(goals: Iterable[Literal], chains: Iterable[tuple[Atom, ...]])
 
     Only goals with the signature of a MACROP can be solved by it.
     """
-    goal_texts = sorted(f"{'' if g.positive else 'not '}{g.atom.name}/{len(g.atom.arguments)}" for g in goals)
+    goal_texts = sorted(
+        f"{'' if g.positive else 'not '}{g.atom.name}/{len(g.atom.arguments)}" for g in goals
+    )
     worked = sorted(">".join(f"{s.name}/{len(s.arguments)}" for s in stages) for stages in chains)
     return " ".join(goal_texts) + (f" | {' '.join(worked)}" if worked else "")
 

@@ -35,8 +35,9 @@ MAX_READ_AHEAD = 2_000  # MACROPs; each takes about 35 kB of memory
 class Repertoire:
     """The MACROPs of a library that serve one domain.
 
-    Other processes may write to the library. So if nothing is found, the library is read again. What a lookup takes is counted in
-    seconds of the processor, as planning is: a busy machine or database makes no MACROP worse.
+    Other processes may write to the library. So if nothing is found, the library is read again.
+    What a lookup takes is counted in seconds of the processor, as planning is: a busy machine or
+    database makes no MACROP worse.
     """
 
     def __init__(
@@ -77,9 +78,11 @@ class Repertoire:
             self._put(outline)
 
     def read_ahead(self, most: int = MAX_READ_AHEAD) -> int:
-        """Read the MACROPs that were fetched, at most so many, and prepare them. Returns how many were read.
+        """Read the MACROPs that were fetched, at most so many, and prepare them. Returns how many
+        were read.
 
-        For programs that look up for a long time, before somebody waits for them: their lookups ask the library less often.
+        For programs that look up for a long time, before somebody waits for them: their lookups ask
+        the library less often.
         """
         first = dict(itertools.islice(self._unread.items(), most))
         self._ahead = {record.id: record.macrop for record in self.library.among(first)}
@@ -104,7 +107,9 @@ class Repertoire:
         return hit
 
     def _first(self, ways: Iterable[MacroQuery], fetched: set[str]) -> LookupHit | None:
-        """The first hit for readings of a query; adds the signatures that were fetched, each at its first query."""
+        """The first hit for readings of a query; adds the signatures that were fetched, each at
+        its first query.
+        """
         for variant in ways:
             signature = signature_asked(variant)
             if signature not in self._seen:
@@ -159,7 +164,10 @@ class Repertoire:
             self._noted = 0
 
     def _fetch(self, signature: str) -> bool:
-        """Fetch the MACROPs of a signature that are new in the library. Returns whether there are any."""
+        """Fetch the MACROPs of a signature that are new in the library.
+
+        Returns whether there are any.
+        """
         outlines = self.library.outlines(self.domain.name, signature, self._seen.get(signature, 0))
         self._seen[signature] = outlines[-1].id if outlines else self._seen.get(signature, 0)
         for outline in self._whole(outlines):
@@ -169,20 +177,25 @@ class Repertoire:
     def _whole(self, outlines: list[Outline]) -> Iterator[Outline]:
         """The outlines, all with requirements.
 
-        Older versions stored outlines without requirements. These are computed now and written to the
-        library. Sub-sequences have no requirements and are left out, because searches use them as operators.
+        Older versions stored outlines without requirements. These are computed now and written to
+        the library. Sub-sequences have no requirements and are left out, because searches use them
+        as operators.
         """
         bare = [outline.id for outline in outlines if outline.requirements is None]
         read = {record.id: record.macrop for record in self.library.among(bare)}
         macrops = {number: macrop for number, macrop in read.items() if not macrop.subsequence}
         worked_out = {number: macro_requirements(macrop) for number, macrop in macrops.items()}
         if worked_out:
-            self.library.note_outlines([(macrops[number], number, own) for number, own in worked_out.items()])
+            self.library.note_outlines(
+                [(macrops[number], number, own) for number, own in worked_out.items()]
+            )
         for outline in outlines:
             if outline.requirements is not None:
                 yield outline
             elif outline.id in macrops:
-                yield replace(outline, cost=macrops[outline.id].cost, requirements=worked_out[outline.id])
+                yield replace(
+                    outline, cost=macrops[outline.id].cost, requirements=worked_out[outline.id]
+                )
 
     def _put(self, outline: Outline) -> None:
         if outline.proof not in self._fresh:
@@ -219,7 +232,8 @@ def macro_record(macrop: Macrop, planning_s: float = 0.0) -> Record:
 def pays_off(outline: Outline) -> bool:
     """Whether a MACROP is still offered: its lookups have not cost much more time than it saved.
 
-    The utility of a MACROP is measured (Minton 1988): the seconds of planning that it saved, less the seconds
-    of lookup, both of the processor. It may fall below zero by the time of one planning, or by `DOUBT_S` if that is longer.
+    The utility of a MACROP is measured (Minton 1988): the seconds of planning that it saved, less
+    the seconds of lookup, both of the processor. It may fall below zero by the time of one
+    planning, or by `DOUBT_S` if that is longer.
     """
     return outline.saved_s > -max(outline.planning_s, DOUBT_S)

@@ -1,7 +1,8 @@
 """Forward search: lazy greedy, with relaxed plans, landmarks, composites and short restarts.
 
-They are instances of patterns whose steps are all in a state's relaxed plan. The relaxed plan shows which of
-the many instances may help (Botea, Enzenberger, Müller & Schaeffer 2005). The other instances are never made.
+They are instances of patterns whose steps are all in a state's relaxed plan. The relaxed plan shows
+which of the many instances may help (Botea, Enzenberger, Müller & Schaeffer 2005). The other
+instances are never made.
 """
 
 import copy
@@ -20,7 +21,12 @@ from cellwright.engine.stages.planning.composites import Pattern, PatternJoins, 
 from cellwright.engine.stages.planning.forward.landmarks import LandmarkHints, Landmarks
 from cellwright.engine.stages.planning.forward.packed_states import make_fronts
 from cellwright.engine.stages.planning.forward.state_evaluation import StateEvaluation
-from cellwright.engine.stages.planning.search_control import NO_PLAN, Effort, SearchResult, random_source
+from cellwright.engine.stages.planning.search_control import (
+    NO_PLAN,
+    Effort,
+    SearchResult,
+    random_source,
+)
 from cellwright.kb.terms import Function
 
 MAX_SUGGESTED = 64  # the largest number of composites suggested for one state
@@ -37,7 +43,8 @@ class CompositeSuggestions:
         self._sources: list[tuple[int, tuple[int, ...]]] = []
 
     def suggested(self, state: Bits, beginning: Iterable[int], relaxed: Sequence[int]) -> list[int]:
-        """The numbers of the composites that a relaxed plan from `state` suggests, the longest first.
+        """The numbers of the composites that a relaxed plan from `state` suggests, the longest
+        first.
 
         `relaxed` are the operators of the relaxed plan; `beginning` are its applicable operators.
         """
@@ -80,7 +87,9 @@ PREFERRED_BOOST = 1000  # turns that preferred operators get whenever the estima
 
 
 class ForwardNode(NamedTuple):
-    """A packed state that was reached, the landmarks accepted on the way, and the step that led to it."""
+    """A packed state that was reached, the landmarks accepted on the way, and the step that led
+    to it.
+    """
 
     state: bytes
     accepted: bytes
@@ -91,8 +100,9 @@ class ForwardNode(NamedTuple):
 class SuccessorBatch(NamedTuple):
     """Successors of one node that wait in a queue; the last one in `operators` is taken first.
 
-    All have the estimate of the node, so they need only one entry in the queue. Most of them are never taken, and large tasks have
-    hundreds for each node: so they are plain numbers without an object for each.
+    All have the estimate of the node, so they need only one entry in the queue. Most of them are
+    never taken, and large tasks have hundreds for each node: so they are plain numbers without an
+    object for each.
     """
 
     key: int
@@ -104,15 +114,16 @@ class SuccessorBatch(NamedTuple):
 class ForwardSearch:
     """One search from a state to one conjunction of goals; it can be resumed.
 
-    Operators may have conditional effects. A successor is the number of an operator; one that repeats an operator has as many
-    times the number of all operators added.
+    Operators may have conditional effects. A successor is the number of an operator; one that
+    repeats an operator has as many times the number of all operators added.
 
-    With hints for `landmarks`, additional queues are ordered by the number of landmarks that are left; they take turns
-    with the queues ordered by relaxed plans. Then every operator counts as one step, because short plans are
-    easier to find than cheap ones, and improvement makes them cheaper later. If all steps of an instance of
-    `patterns` are in the relaxed plan of a state, the instance is used there as a preferred operator. With `joint` a step
-    that serves many at once counts once in relaxed plans. Where a plan seems to cost `bound` or more, it is not followed; free
-    steps count 1 there.
+    With hints for `landmarks`, additional queues are ordered by the number of landmarks that are
+    left; they take turns with the queues ordered by relaxed plans. Then every operator counts as
+    one step, because short plans are easier to find than cheap ones, and improvement makes them
+    cheaper later. If all steps of an instance of `patterns` are in the relaxed plan of a state, the
+    instance is used there as a preferred operator. With `joint` a step that serves many at once
+    counts once in relaxed plans. Where a plan seems to cost `bound` or more, it is not followed;
+    free steps count 1 there.
     """
 
     def __init__(
@@ -155,7 +166,10 @@ class ForwardSearch:
         self._spent = list[int]()  # what each node cost, if there is a bound
 
     def again(self, seed: int) -> "ForwardSearch":
-        """The same search from its beginning, with another seed. The two share what evaluates states, so they may take turns."""
+        """The same search from its beginning, with another seed.
+
+        The two share what evaluates states, so they may take turns.
+        """
         fresh = copy.copy(self)
         fresh._begin(seed)
         return fresh
@@ -174,7 +188,8 @@ class ForwardSearch:
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
-        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is
+        spent.
         """
         if (
             not self._nodes
@@ -193,7 +208,10 @@ class ForwardSearch:
         return None
 
     def _reached(self, state: bytes, number: int) -> tuple[bytes, int]:
-        """The state after a successor's operator, and its number. A repeated operator ends where it is not applicable."""
+        """The state after a successor's operator, and its number.
+
+        A repeated operator ends where it is not applicable.
+        """
         if self._suggestions is not None:
             for part in self._suggestions.parts(number):
                 state, _ = self._space.after(state, part)
@@ -218,7 +236,10 @@ class ForwardSearch:
         return batch.node, operator
 
     def _expand(self, state: bytes, parent: int, operator: int, effort: Effort) -> bool:
-        """Evaluates a state and queues its successors. Returns whether the state satisfies the goals."""
+        """Evaluates a state and queues its successors.
+
+        Returns whether the state satisfies the goals.
+        """
         node_number = len(self._nodes)
         accepted = b""
         if self._landmarks:
@@ -270,10 +291,15 @@ class ForwardSearch:
         """
         estimate, applicable, preferred = self.evaluate(state)
         if estimate >= 0 and (jumps := self.evaluate.jumps):
-            preferred = [*(place + times * len(self.operators) for place, times in jumps), *preferred]
+            preferred = [
+                *(place + times * len(self.operators) for place, times in jumps),
+                *preferred,
+            ]
         if self._suggestions is None or estimate < 0:
             return estimate, applicable, preferred
-        composites = self._suggestions.suggested(self._space.atoms(state), preferred, self.evaluate.relaxed)
+        composites = self._suggestions.suggested(
+            self._space.atoms(state), preferred, self.evaluate.relaxed
+        )
         return estimate, composites + applicable, composites + preferred
 
     def _tie(self) -> int:
@@ -290,19 +316,26 @@ class ForwardSearch:
         if self._suggestions is None:
             return plan_of_path(self.operators, path)
         steps = [step for number in path for step in self._suggestions.unfolded(number)]
-        used = [pattern for number in path if (pattern := self._suggestions.pattern(number)) is not None]
+        used = [
+            pattern for number in path if (pattern := self._suggestions.pattern(number)) is not None
+        ]
         offer = MacroOffer("forward", tuple(self._suggestions.patterns), tuple(dict.fromkeys(used)))
         return SearchResult([step for step in steps if step.instance != _MEETS_GOAL], offer)
 
 
 def _pack_numbers(operators: list[int]) -> "array[int]":
-    """Numbers of operators, the last one first. Those of operators that are repeated may be large."""
+    """Numbers of operators, the last one first.
+
+    Those of operators that are repeated may be large.
+    """
     backward = operators[::-1]
     return array("i" if max(operators) <= MAX_SMALL_NUMBER else "q", backward)
 
 
 def plan_of_path(operators: Sequence[GroundOperator], path: Sequence[int]) -> SearchResult:
-    """The plan of successors on the way to the goal: numbers of operators, with that of all operators for each time they are done."""
+    """The plan of successors on the way to the goal: numbers of operators, with that of all
+    operators for each time they are done.
+    """
     pairs = [divmod(number, len(operators)) for number in path]
     steps = [operators[place] for times, place in pairs for _ in range(max(times, 1))]
     return SearchResult([step for step in steps if step.instance != _MEETS_GOAL])
@@ -311,8 +344,8 @@ def plan_of_path(operators: Sequence[GroundOperator], path: Sequence[int]) -> Se
 def with_one_goal(task: GroundTask) -> tuple[Sequence[GroundOperator], Bits, int]:
     """Operators, the only goal, and the number of atoms.
 
-    If the goals have several alternatives, a new atom becomes the goal. For each alternative there is an
-    internal operator that adds this atom.
+    If the goals have several alternatives, a new atom becomes the goal. For each alternative there
+    is an internal operator that adds this atom.
     """
     size = len(task.atoms)
     if len(task.goals) == 1:
@@ -374,4 +407,6 @@ class RestartingSearch:
 def luby_number(number: int) -> int:
     """1, 1, 2, 1, 1, 2, 4, 1, 1, 2, 1, 1, 2, 4, 8 and so on, from number 1 on."""
     power = number.bit_length()
-    return 1 << power - 1 if number == (1 << power) - 1 else luby_number(number - (1 << power - 1) + 1)
+    return (
+        1 << power - 1 if number == (1 << power) - 1 else luby_number(number - (1 << power - 1) + 1)
+    )

@@ -1,12 +1,12 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Evaluation of states for forward search.
 
-Relaxed plans by additive costs give the estimate and the preferred operators (Hoffmann & Nebel 2001; Keyder &
-Geffner 2008). Landmarks are counted, too (Richter & Westphal 2010).
+Relaxed plans by additive costs give the estimate and the preferred operators (Hoffmann & Nebel
+2001; Keyder & Geffner 2008). Landmarks are counted, too (Richter & Westphal 2010).
 
-The module is plain Python. Cython compiles it with the types in `kernels.pxd`; without a compiler it runs as
-it is, but slowly. A set of atoms is a row of bytes: atom i is bit i % 8 of byte i // 8.
+The module is plain Python. Cython compiles it with the types in `kernels.pxd`; without a compiler
+it runs as it is, but slowly. A set of atoms is a row of bytes: atom i is bit i % 8 of byte i // 8.
 """
 
 from array import array
@@ -85,9 +85,9 @@ class Queue:
 class RelaxedPlans:
     """Relaxed plans from any state to one conjunction of goals, over operators that only add.
 
-    `need` and `add` have a list of atoms for each operator, `users` has a list of operators for each atom.
-    Costs are positive. After `evaluate` the results are in `applicable`, `preferred` and `relaxed`. `applicable` has operators
-    below `listed` alone, if that is given.
+    `need` and `add` have a list of atoms for each operator, `users` has a list of operators for
+    each atom. Costs are positive. After `evaluate` the results are in `applicable`, `preferred` and
+    `relaxed`. `applicable` has operators below `listed` alone, if that is given.
     """
 
     def __init__(
@@ -124,7 +124,8 @@ class RelaxedPlans:
         return self._extract()
 
     def charge(self, first: int, of: Ints, costs: Longs) -> None:
-        """Gives other costs to the operators from `first` on: to the next one `costs[of[0]]`, then `costs[of[1]]` and so on.
+        """Gives other costs to the operators from `first` on: to the next one `costs[of[0]]`, then
+        `costs[of[1]]` and so on.
 
         With a cost of UNREACHED an operator cannot be taken.
         """
@@ -231,9 +232,9 @@ class RelaxedPlans:
 class LandmarkCount:
     """Counts the landmarks that a path still has to visit, or has to visit again.
 
-    Landmark i is true when one of the atoms in row i of `atoms` is. `before` has for each landmark the landmarks that come before it,
-    `just_before` those that all its achievers need. `goals` are landmarks. A set of landmarks is a row of
-    bytes, like a set of atoms.
+    Landmark i is true when one of the atoms in row i of `atoms` is. `before` has for each landmark
+    the landmarks that come before it, `just_before` those that all its achievers need. `goals` are
+    landmarks. A set of landmarks is a row of bytes, like a set of atoms.
     """
 
     def __init__(self, atoms: Rows, before: Rows, just_before: Rows, goals: Sequence[int]) -> None:
@@ -261,8 +262,9 @@ class LandmarkCount:
     def left(self, accepted: bytes, state: bytes) -> int:
         """The number of landmarks that a path has to visit, or to visit again.
 
-        A landmark that is not accepted has to be visited. An accepted landmark that is false has to be
-        visited again if it is a goal, or if a landmark that is not accepted needs it just before.
+        A landmark that is not accepted has to be visited. An accepted landmark that is false has to
+        be visited again if it is a goal, or if a landmark that is not accepted needs it just
+        before.
         """
         open_ = again = 0
         for landmark in range(self.count):
@@ -272,7 +274,9 @@ class LandmarkCount:
         for landmark in range(self.count):
             if not accepted[landmark >> 3] >> (landmark & 7) & 1:
                 open_ += 1
-                for place in range(self.just_before.starts[landmark], self.just_before.starts[landmark + 1]):
+                for place in range(
+                    self.just_before.starts[landmark], self.just_before.starts[landmark + 1]
+                ):
                     self.again[self.just_before.items[place]] = 1
         for landmark in range(self.count):
             if self.again[landmark] and accepted[landmark >> 3] >> (landmark & 7) & 1:

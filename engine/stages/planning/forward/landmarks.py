@@ -11,9 +11,15 @@ from cellwright.kb.terms import Atom, Function
 
 
 class Achievers:
-    """The achievers of atoms. `landmarks` has the landmarks of each atom, itself included; None for one that cannot be reached."""
+    """The achievers of atoms.
 
-    def __init__(self, operators: Sequence[GroundOperator], landmarks: Sequence[Bits | None]) -> None:
+    `landmarks` has the landmarks of each atom, itself included; None for one that cannot be
+    reached.
+    """
+
+    def __init__(
+        self, operators: Sequence[GroundOperator], landmarks: Sequence[Bits | None]
+    ) -> None:
         self.landmarks, self._operators = landmarks, operators
         self._adding: list[list[int]] = [[] for _ in landmarks]
         for number, operator in enumerate(operators):
@@ -22,7 +28,9 @@ class Achievers:
 
     def of(self, atoms: Bits) -> Iterator[GroundOperator]:
         """The operators that can make one of some atoms true."""
-        for number in dict.fromkeys(number for atom in indices(atoms) for number in self._adding[atom]):
+        for number in dict.fromkeys(
+            number for atom in indices(atoms) for number in self._adding[atom]
+        ):
             if self.needed(self._operators[number]) is not None:
                 yield self._operators[number]
 
@@ -61,10 +69,11 @@ def _predicate_kind(atom: Atom) -> tuple[str, ...]:
 
 
 class Disjunctions:
-    """The sets of atoms that come before some landmarks. Set n has the number `first` + n, behind those of all atoms.
+    """The sets of atoms that come before some landmarks. Set n has the number `first` + n, behind
+    those of all atoms.
 
-    `orders` are pairs of a set and what it comes just before: a landmark, or another set. Only atoms with one of the `kinds` are in
-    sets.
+    `orders` are pairs of a set and what it comes just before: a landmark, or another set. Only
+    atoms with one of the `kinds` are in sets.
     """
 
     def __init__(
@@ -88,7 +97,9 @@ class Disjunctions:
                     self.orders.append((numbers[earlier], later))
 
     def _just_before(self, atoms: Bits) -> Iterator[Bits]:
-        """The sets of atoms of one predicate, one of which every operator needs that can reach some atoms first."""
+        """The sets of atoms of one predicate, one of which every operator needs that can reach
+        some atoms first.
+        """
         shared: dict[int, Bits] | None = None
         for operator in self._achievers.first(atoms):
             own = self._by_kind(operator.preconditions)
@@ -104,12 +115,15 @@ class Disjunctions:
         atoms_by_kind: dict[int, Bits] = {}
         for atom in indices(atoms):
             if atom < len(self._kinds):
-                atoms_by_kind[self._kinds[atom]] = atoms_by_kind.get(self._kinds[atom], 0) | 1 << atom
+                atoms_by_kind[self._kinds[atom]] = (
+                    atoms_by_kind.get(self._kinds[atom], 0) | 1 << atom
+                )
         return atoms_by_kind
 
 
 class ReachingMoment(NamedTuple):
-    """What is known of the moment in which a landmark is reached first, or again if it is true from the start.
+    """What is known of the moment in which a landmark is reached first, or again if it is true from
+    the start.
 
     `needed` are atoms that are true just before, `together` those that are true then.
     """
@@ -118,20 +132,31 @@ class ReachingMoment(NamedTuple):
     together: Bits
 
 
-def reaching_moments(achievers: Achievers, initial: Bits, landmarks: Bits) -> dict[int, ReachingMoment]:
-    """What all operators share that can reach a landmark first, or again if it is true from the start."""
+def reaching_moments(
+    achievers: Achievers, initial: Bits, landmarks: Bits
+) -> dict[int, ReachingMoment]:
+    """What all operators share that can reach a landmark first, or again if it is true from the
+    start.
+    """
     moments = {}
     for atom in indices(landmarks):
         needed = together = -1
-        for operator in achievers.of(1 << atom) if initial >> atom & 1 else achievers.first(1 << atom):
+        for operator in (
+            achievers.of(1 << atom) if initial >> atom & 1 else achievers.first(1 << atom)
+        ):
             needed &= operator.preconditions
             together &= operator.adds | operator.preconditions & ~operator.deletes
-        moments[atom] = ReachingMoment(needed, together) if needed >= 0 else ReachingMoment(0, 1 << atom)
+        moments[atom] = (
+            ReachingMoment(needed, together) if needed >= 0 else ReachingMoment(0, 1 << atom)
+        )
     return moments
 
 
 def reasonable_orders(
-    goals: Bits, before: Mapping[int, Bits], moments: Mapping[int, ReachingMoment], groups: Sequence[Bits]
+    goals: Bits,
+    before: Mapping[int, Bits],
+    moments: Mapping[int, ReachingMoment],
+    groups: Sequence[Bits],
 ) -> dict[int, Bits]:
     """For each landmark those that shall be reached before it. `before` has those that must."""
     orders = dict(before)
@@ -143,7 +168,9 @@ def reasonable_orders(
 def interfering_pairs(
     goals: Bits, moments: Mapping[int, ReachingMoment], groups: Sequence[Bits]
 ) -> Iterator[tuple[int, int]]:
-    """Pairs of a goal and a landmark for which the goal has to be given up; first those of two goals."""
+    """Pairs of a goal and a landmark for which the goal has to be given up; first those of two
+    goals.
+    """
     excluded = _mutex_partners(groups)
     conflicts = {}
     for atom, moment in moments.items():
@@ -165,7 +192,9 @@ def _mutex_partners(groups: Sequence[Bits]) -> dict[int, Bits]:
 
 
 def add_order(orders: dict[int, Bits], earlier: int, later: int) -> None:
-    """One more order, and those that follow from it; nothing if it is known, or would close a circle."""
+    """One more order, and those that follow from it; nothing if it is known, or would close a
+    circle.
+    """
     if (orders[earlier] >> later | orders[later] >> earlier) & 1:
         return
     more = orders[earlier] | 1 << earlier
@@ -178,7 +207,9 @@ MAX_FIXPOINT_VISITS = 3_000_000  # visits of operators that the fixpoint may tak
 
 
 class LandmarkHints(NamedTuple):
-    """What finds landmarks and their orders beside operators: mutex groups, and a number for the predicate of each atom."""
+    """What finds landmarks and their orders beside operators: mutex groups, and a number for
+    the predicate of each atom.
+    """
 
     groups: Sequence[Bits] = ()
     kinds: Sequence[int] = ()
@@ -190,12 +221,12 @@ class LandmarkHints(NamedTuple):
 
 
 class Landmarks:
-    """The landmarks of a conjunction of goals: `all` is the set of atoms that are landmarks, `sets` the sets of atoms of which one is.
-    `before` are those that shall be reached before each, and `moments` what is known of reaching an atom. A set has a number
-    behind those of all atoms.
+    """The landmarks of a conjunction of goals: `all` is the set of atoms that are landmarks, `sets`
+    the sets of atoms of which one is. `before` are those that shall be reached before each, and
+    `moments` what is known of reaching an atom. A set has a number behind those of all atoms.
 
-    If it takes too much work to find them, only the goals are landmarks. No atom is `hidden`. Accepted landmarks are a row of
-    bytes, as in `LandmarkCount`.
+    If it takes too much work to find them, only the goals are landmarks. No atom is `hidden`.
+    Accepted landmarks are a row of bytes, as in `LandmarkCount`.
     """
 
     def __init__(
@@ -224,10 +255,12 @@ class Landmarks:
         self.none = bytes((len(self.before) + 7) // 8)
 
     def _must(self, achievers: Achievers, disjunctions: Disjunctions) -> dict[int, Bits]:
-        """For each landmark those that are reached before it on every way. What is true from the start comes before nothing, unless
-        it has to be reached again."""
+        """For each landmark those that are reached before it on every way. What is true from the
+        start comes before nothing, unless it has to be reached again."""
         ahead = self.all & ~self.initial
-        before = {atom: (achievers.landmarks[atom] or 0) & ahead & ~(1 << atom) for atom in self.moments}
+        before = {
+            atom: (achievers.landmarks[atom] or 0) & ahead & ~(1 << atom) for atom in self.moments
+        }
         for number, atoms in enumerate(disjunctions.sets, disjunctions.first):
             shared = ahead
             for operator in achievers.first(atoms):
@@ -238,9 +271,15 @@ class Landmarks:
         return before
 
     def _numbered(self) -> LandmarkCount:
-        """The compiled kernel that counts. It numbers the landmarks in the order of their atoms, then the sets."""
+        """The compiled kernel that counts.
+
+        It numbers the landmarks in the order of their atoms, then the sets.
+        """
         number = {landmark: place for place, landmark in enumerate(self.before)}
-        needed = [*(moment.needed & self.all for moment in self.moments.values()), *(0 for _ in self.sets)]
+        needed = [
+            *(moment.needed & self.all for moment in self.moments.values()),
+            *(0 for _ in self.sets),
+        ]
 
         def rows(sets: Iterable[Bits]) -> Rows:
             return Rows([[number[atom] for atom in indices(own)] for own in sets])
@@ -274,7 +313,8 @@ class Landmarks:
     def _look(
         self, operator: GroundOperator, atom_landmarks: list[Bits | None], touched: dict[int, None]
     ) -> None:
-        """Keeps, for each atom that an operator adds, only the landmarks that all achievers so far share.
+        """Keeps, for each atom that an operator adds, only the landmarks that all achievers so far
+        share.
 
         Atoms whose landmarks change are noted in `touched`.
         """
@@ -286,7 +326,9 @@ class Landmarks:
             needed |= landmarks
         for atom in indices(operator.adds):
             earlier_set = atom_landmarks[atom]
-            shared = needed | 1 << atom if earlier_set is None else earlier_set & (needed | 1 << atom)
+            shared = (
+                needed | 1 << atom if earlier_set is None else earlier_set & (needed | 1 << atom)
+            )
             if shared != earlier_set:
                 atom_landmarks[atom] = shared
                 touched[atom] = None

@@ -1,8 +1,9 @@
 """Novelty search: next is the state with most facts that no state as near to the goals had.
 
-How near a state is says how many steps its goals take, each by itself; without quantities this is the number of open goals. Each
-successor is looked at when it is made (Lipovetzky & Geffner 2017; with quantities: Chen & Thiebaux 2024). Where a relaxed plan
-repeats a step, the state after all these steps is a successor, too.
+How near a state is says how many steps its goals take, each by itself; without quantities this is
+the number of open goals. Each successor is looked at when it is made (Lipovetzky & Geffner 2017;
+with quantities: Chen & Thiebaux 2024). Where a relaxed plan repeats a step, the state after all
+these steps is a successor, too.
 """
 
 import heapq
@@ -13,9 +14,17 @@ from cellwright.engine.kernels.bits import indices
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.stages.planning.forward.forward_search import plan_of_path, with_one_goal
 from cellwright.engine.stages.planning.forward.packed_states import make_fronts
-from cellwright.engine.stages.planning.forward.state_evaluation import StateEvaluation, goal_distance
+from cellwright.engine.stages.planning.forward.state_evaluation import (
+    StateEvaluation,
+    goal_distance,
+)
 from cellwright.engine.stages.planning.forward.transitions import Novelty
-from cellwright.engine.stages.planning.search_control import NO_PLAN, Effort, SearchResult, random_source
+from cellwright.engine.stages.planning.search_control import (
+    NO_PLAN,
+    Effort,
+    SearchResult,
+    random_source,
+)
 
 
 class NoveltyNode(NamedTuple):
@@ -27,23 +36,32 @@ class NoveltyNode(NamedTuple):
 
 
 class NoveltySearch:
-    """One search; it can be resumed. A step is the number of an operator, plus that of all operators for each time that it is done."""
+    """One search; it can be resumed.
+
+    A step is the number of an operator, plus that of all operators for each time that it is done.
+    """
 
     def __init__(self, task: GroundTask, seed: int = 0) -> None:
         self.operators, self._goals, size = with_one_goal(task)
-        self._evaluate = StateEvaluation(self.operators, self._goals, size, unit=True, axioms=task.axioms)
+        self._evaluate = StateEvaluation(
+            self.operators, self._goals, size, unit=True, axioms=task.axioms
+        )
         self._space = self._evaluate.space
-        self._distance = goal_distance(self.operators, indices(self._goals), task.axioms, self._space.width)
+        self._distance = goal_distance(
+            self.operators, indices(self._goals), task.axioms, self._space.width
+        )
         self._novelty = Novelty(self._space.width, self._space.quantities)
         self._fronts = make_fronts(self.operators, self._goals, task.axioms, self._space)
         self._random, self._counter = random_source(seed), itertools.count()
         self._nodes = [NoveltyNode(self._space.packed(task.initial), -1, -1)]
-        self._queue = [(0, 0, 0, 0)]  # how new, how far, what breaks ties, and the number of the node
+        # how new, how far, what breaks ties, and the number of the node
+        self._queue = [(0, 0, 0, 0)]
 
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
-        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is
+        spent.
         """
         if len(self._nodes) == 1 and self._at_goal(self._nodes[0].state):
             return SearchResult([])
@@ -60,7 +78,10 @@ class NoveltySearch:
         return self._goals & ~self._space.atoms(state) == 0
 
     def _expand(self, node: int, effort: Effort) -> bool:
-        """Makes the successors of a node that are not met yet. Returns whether the last one satisfies the goals."""
+        """Makes the successors of a node that are not met yet.
+
+        Returns whether the last one satisfies the goals.
+        """
         state, count = self._nodes[node].state, len(self.operators)
         estimate, applicable, _ = self._evaluate(state)
         if estimate < 0:

@@ -5,7 +5,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate
 
 from cellwright.engine.kernels.bits import Bits, indices
-from cellwright.engine.model.ground_axioms import Axioms, Comparing, QuantityAssignment, QuantityLevel
+from cellwright.engine.model.ground_axioms import (
+    Axioms,
+    Comparing,
+    QuantityAssignment,
+    QuantityLevel,
+)
 from cellwright.engine.model.ground_task import ConditionalEffect, GroundOperator
 from cellwright.engine.stages.planning.forward.kernels import Rows
 from cellwright.engine.stages.planning.forward.transitions import Changes, Dominance, Transitions
@@ -15,21 +20,27 @@ from cellwright.engine.stages.planning.search_control import OutOfRange
 class PackedSpace:
     """The packed states of a task over atoms below `size`, and its operators.
 
-    Quantities that no comparison depends on, such as a sum of costs, keep the value that they have at the start. So two states
-    that differ only in them are one.
+    Quantities that no comparison depends on, such as a sum of costs, keep the value that they have
+    at the start. So two states that differ only in them are one.
     """
 
-    def __init__(self, operators: Sequence[GroundOperator], size: int, axioms: Axioms | None) -> None:
+    def __init__(
+        self, operators: Sequence[GroundOperator], size: int, axioms: Axioms | None
+    ) -> None:
         tests = axioms.tests if axioms is not None else ()
         self._axioms = axioms if tests else None
         self._mask = (1 << self._axioms.size) - 1 if self._axioms else -1
         self.quantities = len(self._axioms.values(0)) if self._axioms else 0
         self.width = (size + 63) // 64 * 8
         matters = _relevant_levels(operators, axioms)
-        changes = [tuple(change for change in o.changes if change.level in matters) for o in operators]
+        changes = [
+            tuple(change for change in o.changes if change.level in matters) for o in operators
+        ]
         effects = [(ConditionalEffect(0, o.adds, o.deletes), *o.conditional) for o in operators]
         closes = [
-            axioms is not None and bool(axioms.rules) and bool(changed or _moved_atoms(own) & axioms.read)
+            axioms is not None
+            and bool(axioms.rules)
+            and bool(changed or _moved_atoms(own) & axioms.read)
             for own, changed in zip(effects, changes, strict=True)
         ]
         flat = [effect for own in effects for effect in own]
@@ -61,7 +72,8 @@ class PackedSpace:
         return memoryview(state)[self.width :].cast("q")
 
     def after(self, state: bytes, operator: int, times: int = 1) -> tuple[bytes, int]:
-        """The state after an operator, done as often as `times` or until it is not applicable, and how often it was done.
+        """The state after an operator, done as often as `times` or until it is not applicable, and
+        how often it was done.
 
         Raises `OutOfRange`.
         """
@@ -84,18 +96,24 @@ def _consecutive_rows(lists: Sequence[Sequence[object]]) -> Rows:
     return Rows([range(end - len(items), end) for items, end in zip(lists, ends, strict=True)])
 
 
-def _relevant_levels(operators: Sequence[GroundOperator], axioms: Axioms | None) -> set[QuantityLevel]:
+def _relevant_levels(
+    operators: Sequence[GroundOperator], axioms: Axioms | None
+) -> set[QuantityLevel]:
     """The quantities that are compared, and those that they may get their values from."""
     levels = {level for test in (axioms.tests if axioms else ()) for level, _ in test.sum.parts}
     changes = dict.fromkeys(change for operator in operators for change in operator.changes)
     before = -1
     while before != len(levels):
         before = len(levels)
-        levels |= {level for change in changes if change.level in levels for level, _ in change.to.parts}
+        levels |= {
+            level for change in changes if change.level in levels for level, _ in change.to.parts
+        }
     return levels
 
 
-def _pack_changes(changes: Sequence[tuple[QuantityAssignment, ...]], axioms: Axioms | None) -> Changes:
+def _pack_changes(
+    changes: Sequence[tuple[QuantityAssignment, ...]], axioms: Axioms | None
+) -> Changes:
     """The changes of all operators, and which comparisons they touch."""
     flat = [change for own in changes for change in own]
     tests = axioms.tests if axioms is not None else ()
@@ -104,7 +122,8 @@ def _pack_changes(changes: Sequence[tuple[QuantityAssignment, ...]], axioms: Axi
         for level, _ in test.sum.parts:
             reading.setdefault(level, []).append(place)
     touched = [
-        sorted({place for change in own for place in reading.get(change.level, ())}) for own in changes
+        sorted({place for change in own for place in reading.get(change.level, ())})
+        for own in changes
     ]
     return Changes(
         _consecutive_rows(changes),
@@ -125,11 +144,14 @@ def monotone_quantities(
 ) -> dict[QuantityLevel, int]:
     """The quantities of which more is always better (1), or less (-1).
 
-    They are only compared by preconditions and goals, all in the same direction, and change by constants.
+    They are only compared by preconditions and goals, all in the same direction, and change by
+    constants.
     """
     desired, forbidden = _classify_comparisons(operators, goals, axioms)
     directions: dict[QuantityLevel, int] = {}
-    wrong = {level for test in forbidden for level, _ in test.sum.parts} | set(_entangled_levels(operators))
+    wrong = {level for test in forbidden for level, _ in test.sum.parts} | set(
+        _entangled_levels(operators)
+    )
     for test, rises in desired:
         for level, factor in test.sum.parts:
             sign = 1 if (factor > 0) == rises else -1
@@ -141,7 +163,9 @@ def monotone_quantities(
 def _classify_comparisons(
     operators: Sequence[GroundOperator], goals: Bits, axioms: Axioms
 ) -> tuple[list[tuple[Comparing, bool]], list[Comparing]]:
-    """The comparisons that shall hold, each with whether it asks for a great sum, and those about which nothing can be said."""
+    """The comparisons that shall hold, each with whether it asks for a great sum, and those
+    about which nothing can be said.
+    """
     needed, read = goals, axioms.read_by_rules
     for operator in operators:
         needed |= operator.preconditions
@@ -162,7 +186,9 @@ def _classify_comparisons(
 
 
 def _entangled_levels(operators: Sequence[GroundOperator]) -> Iterator[QuantityLevel]:
-    """The quantities whose value another one depends on, or their own in another way than by a constant more or less."""
+    """The quantities whose value another one depends on, or their own in another way than by a
+    constant more or less.
+    """
     for operator in operators:
         for change in operator.changes:
             own = change.to.without(change.level).parts
@@ -172,7 +198,10 @@ def _entangled_levels(operators: Sequence[GroundOperator]) -> Iterator[QuantityL
 
 
 class ParetoFronts:
-    """The best states met, in groups that differ only in resources. Without resources, every state that was met."""
+    """The best states met, in groups that differ only in resources.
+
+    Without resources, every state that was met.
+    """
 
     def __init__(self, dominance: Dominance) -> None:
         self._dominance = dominance
@@ -180,7 +209,9 @@ class ParetoFronts:
         self._fronts: dict[bytes, array[int]] = {}
 
     def met(self, state: bytes) -> bool:
-        """Whether a state that is at least as good was met; if not, this one counts as met from now on."""
+        """Whether a state that is at least as good was met; if not, this one counts as met from
+        now on.
+        """
         if state in self._seen:
             return True
         self._seen.add(state)
@@ -196,7 +227,9 @@ def make_fronts(
     """Nothing is met yet."""
     if axioms is None or not axioms.tests:
         return ParetoFronts(Dominance(bytes([255]) * space.width, []))
-    directions = {level.number: sign for level, sign in monotone_quantities(operators, goals, axioms).items()}
+    directions = {
+        level.number: sign for level, sign in monotone_quantities(operators, goals, axioms).items()
+    }
     fluents = (1 << 8 * space.width) - 1 & ~axioms.derived
     signs = [directions.get(number, 0) for number in range(space.quantities)]
     return ParetoFronts(Dominance(fluents.to_bytes(space.width, "little"), signs))

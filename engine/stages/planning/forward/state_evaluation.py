@@ -1,7 +1,8 @@
 """Evaluation of states by relaxed plans, in which steps that change quantities are repeated.
 
-For each comparison and each operator that leads towards it there is an operator whose cost depends on the state: as many steps as
-the comparison is away from being true (the subgoaling relaxation of Scala, Haslum, Thiebaux & Ramirez 2020).
+For each comparison and each operator that leads towards it there is an operator whose cost depends
+on the state: as many steps as the comparison is away from being true (the subgoaling relaxation of
+Scala, Haslum, Thiebaux & Ramirez 2020).
 """
 
 import copy
@@ -30,7 +31,9 @@ from cellwright.kb.terms import Function
 
 
 class RepetitionKind(NamedTuple):
-    """Something adds `gain` to the sum of a comparison until it relates as wanted; then `atom` is true."""
+    """Something adds `gain` to the sum of a comparison until it relates as wanted; then `atom`
+    is true.
+    """
 
     test: int
     atom: int
@@ -46,16 +49,28 @@ class RepeatedOperator(NamedTuple):
 
 
 class RepeatedSteps:
-    """The operators for relaxed plans that stand for repeated steps, and what they cost in a state."""
+    """The operators for relaxed plans that stand for repeated steps, and what they cost in a
+    state.
+    """
 
-    def __init__(self, operators: Sequence[GroundOperator], charges: Sequence[int], axioms: Axioms) -> None:
+    def __init__(
+        self, operators: Sequence[GroundOperator], charges: Sequence[int], axioms: Axioms
+    ) -> None:
         self.found = list(_repeated_operators(operators, axioms))
         self.operators = [
-            replace(operators[repeated.operator], adds=1 << repeated.kind.atom, conditional=(), changes=())
+            replace(
+                operators[repeated.operator],
+                adds=1 << repeated.kind.atom,
+                conditional=(),
+                changes=(),
+            )
             for repeated in self.found
         ]
         self.charges = [charges[repeated.operator] for repeated in self.found]
-        own = [(repeated.kind, charge) for repeated, charge in zip(self.found, self.charges, strict=True)]
+        own = [
+            (repeated.kind, charge)
+            for repeated, charge in zip(self.found, self.charges, strict=True)
+        ]
         different = {key: place for place, key in enumerate(dict.fromkeys(own))}
         self.of = array("i", [different[key] for key in own])
         self._times = _make_repetitions(
@@ -76,7 +91,9 @@ class RepeatedSteps:
         return self.cost(number) // self.charges[number]
 
 
-def _make_repetitions(kinds: Sequence[RepetitionKind], charges: Sequence[int], axioms: Axioms) -> Repetitions:
+def _make_repetitions(
+    kinds: Sequence[RepetitionKind], charges: Sequence[int], axioms: Axioms
+) -> Repetitions:
     return Repetitions(
         axioms.comparisons,
         [kind.test for kind in kinds],
@@ -86,7 +103,9 @@ def _make_repetitions(kinds: Sequence[RepetitionKind], charges: Sequence[int], a
     )
 
 
-def _repeated_operators(operators: Sequence[GroundOperator], axioms: Axioms) -> Iterator[RepeatedOperator]:
+def _repeated_operators(
+    operators: Sequence[GroundOperator], axioms: Axioms
+) -> Iterator[RepeatedOperator]:
     by_level: dict[QuantityLevel, list[int]] = {}
     for place, comparison in enumerate(axioms.tests):
         for level, _ in comparison.sum.parts:
@@ -101,7 +120,9 @@ def _repeated_operators(operators: Sequence[GroundOperator], axioms: Axioms) -> 
 
 
 def _comparison_gain(operator: GroundOperator, test: Comparing) -> int | None:
-    """What an operator adds to the sum of a comparison: None if nothing, 0 if it depends on the state."""
+    """What an operator adds to the sum of a comparison: None if nothing, 0 if it depends on the
+    state.
+    """
     factors = dict(test.sum.parts)
     gain = Linear((), 0)
     for change in operator.changes:
@@ -112,7 +133,9 @@ def _comparison_gain(operator: GroundOperator, test: Comparing) -> int | None:
     return gain.constant or None
 
 
-def _repetitions_towards(operator: int, test: int, gain: int, axioms: Axioms) -> Iterator[RepeatedOperator]:
+def _repetitions_towards(
+    operator: int, test: int, gain: int, axioms: Axioms
+) -> Iterator[RepeatedOperator]:
     """The comparison and its opposite, as far as the gain leads towards them."""
     compared = axioms.tests[test]
     pairs = [(compared.atom, compared.relation)]
@@ -144,19 +167,25 @@ _RULE_INSTANCE = Function("_rule")
 def split_effects(operators: Sequence[GroundOperator]) -> tuple[list[GroundOperator], list[int]]:
     """The operators for relaxed plans, and for each the number of the given operator behind it.
 
-    The given operators come first, then one for each conditional effect. Relaxed plans ignore deletes.
+    The given operators come first, then one for each conditional effect. Relaxed plans ignore
+    deletes.
     """
     relaxed, owners = list(operators), list(range(len(operators)))
     for number, operator in enumerate(operators):
         for effect in operator.conditional:
             condition = operator.preconditions | effect.condition
-            relaxed.append(replace(operator, preconditions=condition, adds=effect.adds, conditional=()))
+            relaxed.append(
+                replace(operator, preconditions=condition, adds=effect.adds, conditional=())
+            )
             owners.append(number)
     return relaxed, owners
 
 
 def rule_operators(axioms: Axioms | None, size: int) -> list[GroundOperator]:
-    """The rules of derived atoms as operators for relaxed plans. They may add atoms of their own, from `size` on."""
+    """The rules of derived atoms as operators for relaxed plans.
+
+    They may add atoms of their own, from `size` on.
+    """
     if axioms is None:
         return []
     relaxed_rules = relax_axioms(axioms, size)
@@ -169,8 +198,9 @@ def rule_operators(axioms: Axioms | None, size: int) -> list[GroundOperator]:
 class StateEvaluation:
     """Relaxed plans from any closed state to one conjunction of goals, over atoms below `size`.
 
-    With `unit` every operator costs 1, so that plans are short instead of cheap. With `joint` an operator counts once, however
-    many of its conditional effects a relaxed plan uses: so a step that serves many at once costs no more than for one.
+    With `unit` every operator costs 1, so that plans are short instead of cheap. With `joint` an
+    operator counts once, however many of its conditional effects a relaxed plan uses: so a step
+    that serves many at once costs no more than for one.
     """
 
     def __init__(
@@ -189,7 +219,8 @@ class StateEvaluation:
         free = rule_operators(axioms, size)
         size = max([size, *((rule.preconditions | rule.adds).bit_length() for rule in free)])
         charges = [
-            1 if unit else min(max(operator.cost, 1), MAX_OPERATOR_COST) for operator in self.operators
+            1 if unit else min(max(operator.cost, 1), MAX_OPERATOR_COST)
+            for operator in self.operators
         ]
         self._first, self._repeating = len(self.operators), None
         if axioms is not None and axioms.tests:
@@ -221,7 +252,8 @@ class StateEvaluation:
         return RelaxedPlans(self._costs, tuple(indices(goals)), *self._rows, self._plain)
 
     def __call__(self, state: bytes) -> tuple[int, list[int], list[int]]:
-        """The cost of a relaxed plan from a packed state (-1 if there is none), the applicable and the preferred operators.
+        """The cost of a relaxed plan from a packed state (-1 if there is none), the applicable and
+        the preferred operators.
 
         An applicable operator is preferred if the relaxed plan begins with it.
         """
@@ -238,7 +270,9 @@ class StateEvaluation:
         return estimate, applicable, helpful
 
     def _once(self) -> int:
-        """The cost of the last relaxed plan where each given operator counts once, as dear as it is used at most."""
+        """The cost of the last relaxed plan where each given operator counts once, as dear as
+        it is used at most.
+        """
         dearest: dict[int, int] = {}
         for number in self._plans.relaxed:
             owner = self._owners[number]
@@ -260,15 +294,20 @@ class StateEvaluation:
 
     @property
     def jumps(self) -> list[tuple[int, int]]:
-        """Operators that the last relaxed plan repeats and that are applicable, each with the number of times, from 2 on."""
+        """Operators that the last relaxed plan repeats and that are applicable, each with the
+        number of times, from 2 on.
+        """
         if self._repeating is None:
             return []
         ready, last = set(self._plans.preferred), self._first + len(self._repeating.found)
         repeated = [
-            number for number in self._plans.relaxed if number in ready and self._first <= number < last
+            number
+            for number in self._plans.relaxed
+            if number in ready and self._first <= number < last
         ]
         repetitions = (
-            (self._owners[number], self._repeating.times(number - self._first)) for number in repeated
+            (self._owners[number], self._repeating.times(number - self._first))
+            for number in repeated
         )
         return [jump for jump in dict.fromkeys(repetitions) if jump[1] > 1]
 

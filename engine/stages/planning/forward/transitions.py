@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Successors of packed states, and how new a state is.
 
-Plain Python, compiled with the types in `transitions.pxd`. A packed state has `width` bytes of atoms (atom i is bit i % 8 of byte
-i // 8), then the values of quantities with 8 bytes each. Derived atoms are among the atoms.
+Plain Python, compiled with the types in `transitions.pxd`. A packed state has `width` bytes of
+atoms (atom i is bit i % 8 of byte i // 8), then the values of quantities with 8 bytes each. Derived
+atoms are among the atoms.
 """
 
 from array import array
@@ -18,10 +19,12 @@ TABLE = 1 << 16  # a power of 2
 
 
 class Changes:
-    """What operators do to quantities: operator o makes the changes `of.items[of.starts[o]:of.starts[o + 1]]`.
+    """What operators do to quantities: operator o makes the changes
+    `of.items[of.starts[o]:of.starts[o + 1]]`.
 
-    Change c sets the quantity `targets[c]` to a constant plus the sum of `factors[p]` times the quantity `sources[p]` over the parts
-    p in `parts`. `touched` has for each operator the comparisons that may become true or false.
+    Change c sets the quantity `targets[c]` to a constant plus the sum of `factors[p]` times the
+    quantity `sources[p]` over the parts p in `parts`. `touched` has for each operator the
+    comparisons that may become true or false.
     """
 
     def __init__(
@@ -42,9 +45,9 @@ class Changes:
 class Transitions:
     """The states to which operators lead.
 
-    Effect e of operator o is in `of.items[of.starts[o]:of.starts[o + 1]]`: where all atoms of `conditions` are in the state
-    before, it deletes `deletes` and adds `adds`, but not what a `cancels` of the step names. Derived atoms are looked at again after
-    an operator that `closes`.
+    Effect e of operator o is in `of.items[of.starts[o]:of.starts[o + 1]]`: where all atoms of
+    `conditions` are in the state before, it deletes `deletes` and adds `adds`, but not what a
+    `cancels` of the step names. Derived atoms are looked at again after an operator that `closes`.
     """
 
     def __init__(
@@ -69,7 +72,8 @@ class Transitions:
         self.done = 0
 
     def after(self, state: bytes, operator: int, times: int) -> bytes:
-        """The state after an operator that is applicable, repeated as often as `times`, or until it is not applicable: see `done`.
+        """The state after an operator that is applicable, repeated as often as `times`, or until it
+        is not applicable: see `done`.
 
         It is empty if a value becomes too large.
         """
@@ -124,16 +128,24 @@ class Transitions:
                 found[atom >> 3] |= 1 << (atom & 7)
 
     def _change(self, operator: int, before: bytes, found: bytearray) -> bool:
-        """Changes quantities, and looks at the comparisons again that this touches. Returns whether all values are small enough."""
+        """Changes quantities, and looks at the comparisons again that this touches.
+
+        Returns whether all values are small enough.
+        """
         first, last = self.changes.of.starts[operator], self.changes.of.starts[operator + 1]
         if first == last:
             return True
         row = found
-        old, new = memoryview(before)[self.width :].cast("q"), memoryview(found)[self.width :].cast("q")
+        old, new = (
+            memoryview(before)[self.width :].cast("q"),
+            memoryview(found)[self.width :].cast("q"),
+        )
         for index in range(first, last):
             change = self.changes.of.items[index]
             total = self.changes.constants[change]
-            for place in range(self.changes.parts.starts[change], self.changes.parts.starts[change + 1]):
+            for place in range(
+                self.changes.parts.starts[change], self.changes.parts.starts[change + 1]
+            ):
                 part = self.changes.parts.items[place]
                 total += self.changes.factors[part] * old[self.changes.sources[part]]
             if total > LARGEST or total < -LARGEST:
@@ -148,10 +160,11 @@ class Transitions:
 
 
 class Dominance:
-    """Which of two states is at least as good: they have the same fluents, and of `resources` the better one has no less.
+    """Which of two states is at least as good: they have the same fluents, and of `resources` the
+    better one has no less.
 
-    `signs` are 1 where more of a quantity is better, -1 where less is, and 0 where the states must have the same. `fluents` is a row
-    of bytes: the atoms that are not derived.
+    `signs` are 1 where more of a quantity is better, -1 where less is, and 0 where the states must
+    have the same. `fluents` is a row of bytes: the atoms that are not derived.
     """
 
     def __init__(self, fluents: bytes, signs: Sequence[int]) -> None:
@@ -172,7 +185,10 @@ class Dominance:
         return bytes(found)
 
     def dominated(self, state: bytes, front: "array[int]") -> bool:
-        """Whether one of the states in `front` is at least as good as a state with the same rest. If not, it is appended."""
+        """Whether one of the states in `front` is at least as good as a state with the same rest.
+
+        If not, it is appended.
+        """
         values = memoryview(state)[self.width :].cast("q")
         own = longs(self.resources)
         view, place = own, 0
@@ -196,11 +212,13 @@ class Dominance:
 
 
 class Novelty:
-    """How new states are, among those with no greater estimate: by the atoms and values that they have.
+    """How new states are, among those with no greater estimate: by the atoms and values that they
+    have.
 
-    The first value is how many of them no state with so small an estimate had, negated. If there is none, it is how many were met
-    with a smaller estimate (Chen & Thiebaux 2024, after Katz, Lipovetzky, Moshkovich & Tuisov 2017). Values share a table, so that
-    two of them may be taken for one.
+    The first value is how many of them no state with so small an estimate had, negated. If there is
+    none, it is how many were met with a smaller estimate (Chen & Thiebaux 2024, after Katz,
+    Lipovetzky, Moshkovich & Tuisov 2017). Values share a table, so that two of them may be taken
+    for one.
     """
 
     def __init__(self, width: int, quantities: int) -> None:
@@ -225,7 +243,9 @@ class Novelty:
                     worse += 1
         numbers = memoryview(state)[self.width :].cast("q")
         for number in range(self.quantities):
-            place = ((numbers[number] * 2654435761 + number * 40503) & 0xFFFFFFFF) >> 7 & (TABLE - 1)
+            place = ((numbers[number] * 2654435761 + number * 40503) & 0xFFFFFFFF) >> 7 & (
+                TABLE - 1
+            )
             best = self.values[place]
             if estimate < best:
                 self.values[place] = estimate
@@ -236,13 +256,19 @@ class Novelty:
 
 
 class Distance:
-    """How many steps goals take, each by itself: a comparison as many as its best operator has to be repeated, any other goal one.
+    """How many steps goals take, each by itself: a comparison as many as its best operator has to
+    be repeated, any other goal one.
 
-    `repetitions` from `starts[g]` to `starts[g + 1]` lead to goal g, at a cost of 1 for each step; without any there is nothing to repeat.
+    `repetitions` from `starts[g]` to `starts[g + 1]` lead to goal g, at a cost of 1 for each step;
+    without any there is nothing to repeat.
     """
 
     def __init__(
-        self, width: int, goals: Sequence[int], repetitions: Repetitions | None, starts: Sequence[int]
+        self,
+        width: int,
+        goals: Sequence[int],
+        repetitions: Repetitions | None,
+        starts: Sequence[int],
     ) -> None:
         self.width, self.count, self.repetitions = width, len(goals), repetitions
         self.goals, self.starts = array("i", goals), array("i", starts)

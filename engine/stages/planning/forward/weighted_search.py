@@ -1,8 +1,9 @@
 """Weighted search: lazy weighted A* forward for a plan that costs less than a bound.
 
-What a way has cost counts besides what the estimate says is left; the less the estimate weighs, the cheaper the plans and the longer the
-search. A state that is reached again at less cost is followed again. Searches begin anew with each better plan, because a search
-that goes on stays near its first decisions (Richter, Thayer & Ruml 2010).
+What a way has cost counts besides what the estimate says is left; the less the estimate weighs, the
+cheaper the plans and the longer the search. A state that is reached again at less cost is followed
+again. Searches begin anew with each better plan, because a search that goes on stays near its first
+decisions (Richter, Thayer & Ruml 2010).
 """
 
 import copy
@@ -21,9 +22,11 @@ from cellwright.engine.stages.planning.search_control import NO_PLAN, Effort, Se
 
 
 class WeightedSearch(ForwardSearch):
-    """One search from a state to one conjunction of goals, for plans that cost less than a bound; it can be resumed.
+    """One search from a state to one conjunction of goals, for plans that cost less than a bound;
+    it can be resumed.
 
-    Where all ways that cost less than the bound have been followed to their ends, the answer is `NO_PLAN`.
+    Where all ways that cost less than the bound have been followed to their ends, the answer is
+    `NO_PLAN`.
     """
 
     def __init__(
@@ -45,7 +48,10 @@ class WeightedSearch(ForwardSearch):
         self._least = {self.initial: 0}  # of the ways to each state
 
     def anew(self, weight: int, bound: int, seed: int) -> "WeightedSearch":
-        """A search from the beginning with another weight, bound and seed. The two share what evaluates states."""
+        """A search from the beginning with another weight, bound and seed.
+
+        The two share what evaluates states.
+        """
         fresh = copy.copy(self)
         fresh._weight, fresh._limit = weight, bound
         fresh._begin(seed)
@@ -107,5 +113,7 @@ def start_weighted_search(task: GroundTask, *, landmarks: bool = False) -> Weigh
 
 
 def search_between(operators: Sequence[GroundOperator], size: int) -> WeightedSearch:
-    """The search `between` states of a plan, by operators without conditional effects over atoms below `size`."""
+    """The search `between` states of a plan, by operators without conditional effects over
+    atoms below `size`.
+    """
     return WeightedSearch(operators, 0, 0, size)

@@ -21,7 +21,12 @@ from cellwright.engine.stages.planning.improvement.window_optimisation import (
     steps_cost,
 )
 from cellwright.engine.stages.planning.portfolio import CLIMB_NODES, STRATEGIES, SearchSetting
-from cellwright.engine.stages.planning.search_control import Effort, OutOfRange, SearchLimits, SearchResult
+from cellwright.engine.stages.planning.search_control import (
+    Effort,
+    OutOfRange,
+    SearchLimits,
+    SearchResult,
+)
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.stopping import StoppedByCaller
 
@@ -55,10 +60,12 @@ class PlanPool:
 
 
 class WeightedSearches:
-    """Weighted searches, with and without landmarks in turn, and with ties broken in another way in each round.
+    """Weighted searches, with and without landmarks in turn, and with ties broken in another way in
+    each round.
 
-    A round begins with the weight at which a plan was found last. The bound is the cost of the best plan in `pool`: when all
-    ways below it are followed to their ends, that plan is proved to be cheapest.
+    A round begins with the weight at which a plan was found last. The bound is the cost of the best
+    plan in `pool`: when all ways below it are followed to their ends, that plan is proved to be
+    cheapest.
     """
 
     def __init__(self, setting: SearchSetting, pool: PlanPool) -> None:
@@ -76,7 +83,10 @@ class WeightedSearches:
         return FIRST << self._rounds > LONG_SEARCH_EXPANSIONS
 
     def round(self, interrupted: Callable[[], bool]) -> Iterator[Sequence[GroundOperator]]:
-        """The plans of the next round. The caller puts them into the pool, with what makes them cheaper."""
+        """The plans of the next round.
+
+        The caller puts them into the pool, with what makes them cheaper.
+        """
         expansions, place = FIRST << self._rounds, max(self._place - 1, 0)
         self._rounds += 1
         while place < len(ESTIMATE_WEIGHTS) and not self._pool.proved:
@@ -124,14 +134,15 @@ PATIENT, PATIENCE = (
     (1, 2),
     10_000,
 )  # how greedy best-first searches for other plans are, and nodes that each may generate
-WINDOW_DELAYS_S = (0.0, 2.0)  # seconds before which windows by searches, and by a solver, have no turn
+# seconds before which windows by searches, and by a solver, have no turn
+WINDOW_DELAYS_S = (0.0, 2.0)
 
 
 def best_plan(
     setting: SearchSetting, steps: Sequence[GroundOperator], limits: SearchLimits
 ) -> tuple[Plan, bool]:
-    """The best partially ordered plan that is found from a sequence of steps on, in the memory and the time that there are,
-    and whether it is proved that none is cheaper."""
+    """The best partially ordered plan that is found from a sequence of steps on, in the memory and
+    the time that there are, and whether it is proved that none is cheaper."""
     best, proved = _deorder_plan(setting.task, plain_steps(setting.task, steps)), False
     try:
         for better, least in _improve_plan(setting, steps, limits):
@@ -147,7 +158,9 @@ def best_plan(
 def _improve_plan(
     setting: SearchSetting, steps: Sequence[GroundOperator], limits: SearchLimits
 ) -> Iterator[tuple[Steps, bool]]:
-    """The steps that are needed, and every cheaper plan found; the last one with whether it is proved to be cheapest."""
+    """The steps that are needed, and every cheaper plan found; the last one with whether it is
+    proved to be cheapest.
+    """
     best = _needed_steps(setting, steps)
     yield best, False
     least = _cheapest_plan(setting, best, limits)
@@ -170,7 +183,9 @@ def _improve_plan(
 
 
 def _cheaper_plans(setting: SearchSetting, pool: PlanPool, limits: SearchLimits) -> Iterator[Steps]:
-    """Plans from windows of a plan, of other plans, and from ever wider windows of the cheapest of all."""
+    """Plans from windows of a plan, of other plans, and from ever wider windows of the cheapest
+    of all.
+    """
     yield from _improve_windows(setting, pool.best, limits.improving())
     for steps in _other_plans(setting, limits):
         yield from _improve_windows(setting, steps, limits.improving())
@@ -187,7 +202,10 @@ def _cheaper_plans(setting: SearchSetting, pool: PlanPool, limits: SearchLimits)
 def _alternate_searches(
     setting: SearchSetting, pool: PlanPool, searches: WeightedSearches, limits: SearchLimits
 ) -> Iterator[Steps]:
-    """Plans from ever longer searches and from ever wider windows of the cheapest plan. Whoever has used least time is next."""
+    """Plans from ever longer searches and from ever wider windows of the cheapest plan.
+
+    Whoever has used least time is next.
+    """
     effort, growing = limits.improving(), _growing_windows(setting)
     used: dict[WeightedSearches | GrowingWindows, float] = {searches: 0.0}
     used.update(zip(growing, WINDOW_DELAYS_S, strict=True))
@@ -231,13 +249,16 @@ def _search_round(
 def _batched_plans(
     setting: SearchSetting, first: Sequence[GroundOperator], pool: PlanPool, limits: SearchLimits
 ) -> Iterator[Steps]:
-    """Plans with fewer batches, for tasks that only forward searches can plan: from a plan, and if there is time from those of
-    other strategies, and from the cheapest of all by ever longer searches."""
+    """Plans with fewer batches, for tasks that only forward searches can plan: from a plan, and if
+    there is time from those of other strategies, and from the cheapest of all by ever longer
+    searches."""
     yield from _fewer_batches(setting, first, limits)
     if limits.thorough:
         for name, most in OTHER_STRATEGIES:
             other_steps = _other_strategy_plan(setting, name, most, limits)
-            yield from _fewer_batches(setting, other_steps, limits) if other_steps is not None else ()
+            yield from (
+                _fewer_batches(setting, other_steps, limits) if other_steps is not None else ()
+            )
         searches = WeightedSearches(setting, pool)
         while not (limits.interrupted() or searches.ended or searches.long):
             for steps in searches.round(limits.interrupted):
@@ -260,7 +281,9 @@ def _needed_steps(setting: SearchSetting, steps: Sequence[GroundOperator]) -> St
 
 
 def _cheapest_plan(setting: SearchSetting, best: Steps, limits: SearchLimits) -> Steps | None:
-    """A cheapest plan, if the task is so small that all its states can be looked at; `best` if none is cheaper."""
+    """A cheapest plan, if the task is so small that all its states can be looked at; `best` if
+    none is cheaper.
+    """
     task, regression = setting.task, setting.regression
     if regression is None or limits.room is None:
         return None
@@ -273,7 +296,9 @@ def _cheapest_plan(setting: SearchSetting, best: Steps, limits: SearchLimits) ->
     return best if optimal.steps is None else _needed_steps(setting, optimal.steps)
 
 
-def _other_plans(setting: SearchSetting, limits: SearchLimits) -> Iterator[Sequence[GroundOperator]]:
+def _other_plans(
+    setting: SearchSetting, limits: SearchLimits
+) -> Iterator[Sequence[GroundOperator]]:
     """Plans that patient searches find soon, and hill climbing with other ties."""
     if setting.regression is None or not limits.restarts:
         return
@@ -291,9 +316,9 @@ def _improve_windows(
 ) -> Iterator[list[GroundOperator]]:
     if steps is not None:
         plain = plain_steps(setting.task, steps)
-        yield from PlanImprovement(setting.task, setting.regression, achieved_goal(setting.task, plain)).near(
-            plain, effort
-        )
+        yield from PlanImprovement(
+            setting.task, setting.regression, achieved_goal(setting.task, plain)
+        ).near(plain, effort)
 
 
 def _other_strategy_plan(

@@ -14,14 +14,19 @@ from cellwright.engine.stages.planning.action_elimination import (
     without_needless,
 )
 from cellwright.engine.stages.planning.effect_variants import plain_steps
-from cellwright.engine.stages.planning.improvement.plan_reordering import delay_dear_steps, is_internal
+from cellwright.engine.stages.planning.improvement.plan_reordering import (
+    delay_dear_steps,
+    is_internal,
+)
 from cellwright.engine.stages.planning.improvement.window_optimisation import Steps, steps_cost
 from cellwright.engine.stages.planning.search_control import Effort, OutOfRange
 from cellwright.kb.terms import Function
 
 
 class RepeatStretch(NamedTuple):
-    """The steps from `first` to before `end`; `goals` are the fluents that later steps and the goals need of them."""
+    """The steps from `first` to before `end`; `goals` are the fluents that later steps and the
+    goals need of them.
+    """
 
     first: int
     end: int
@@ -31,8 +36,9 @@ class RepeatStretch(NamedTuple):
 def repeat_stretches(task: GroundTask, steps: Sequence[GroundOperator]) -> list[RepeatStretch]:
     """Around each two times that a step is done, the dearest steps first.
 
-    What serves both is within as many steps before and after them as are between them. A stretch begins and ends there where
-    least is handed over: before a batch is begun, and after it is put away.
+    What serves both is within as many steps before and after them as are between them. A stretch
+    begins and ends there where least is handed over: before a batch is begun, and after it is put
+    away.
     """
     goals, final_goals = _needed_fluents(task, steps)
     size = [(goal & ~final_goals).bit_count() for goal in goals]
@@ -46,8 +52,8 @@ def repeat_stretches(task: GroundTask, steps: Sequence[GroundOperator]) -> list[
 
 
 def _needed_fluents(task: GroundTask, steps: Sequence[GroundOperator]) -> tuple[list[Bits], Bits]:
-    """The fluents that are needed before each step and at the end, and the last ones. Values of quantities are left out:
-    later steps do not need just these."""
+    """The fluents that are needed before each step and at the end, and the last ones. Values of
+    quantities are left out: later steps do not need just these."""
     fluents = -1 if task.axioms is None else (1 << task.axioms.size) - 1
     last = achieved_goal(task, steps) & fluents
     needs = [last]
@@ -57,14 +63,17 @@ def _needed_fluents(task: GroundTask, steps: Sequence[GroundOperator]) -> tuple[
 
 
 def _repeated_pairs(steps: Sequence[GroundOperator]) -> Iterator[tuple[int, int, int, int]]:
-    """The places of each two times that a step is done, between those of the time before and the time after.
+    """The places of each two times that a step is done, between those of the time before and the
+    time after.
 
     Steps that serve many at once count as the same if they have the same operator.
     """
     places: dict[Function | str, list[int]] = {}
     for place, step in enumerate(steps):
         if not is_internal(step.instance):
-            places.setdefault(step.instance.name if step.conditional else step.instance, []).append(place)
+            places.setdefault(step.instance.name if step.conditional else step.instance, []).append(
+                place
+            )
     for own in places.values():
         around = [-1, *own, len(steps)]
         for number, (one, two) in enumerate(pairwise(own)):
@@ -86,8 +95,8 @@ def reduce_batches(
 ) -> Iterator[Steps]:
     """The needed steps of a plan, then every cheaper plan that is found.
 
-    There is none if the plan is too long for the effort. With `growing` the searches get ever longer, as long as there is
-    effort.
+    There is none if the plan is too long for the effort. With `growing` the searches get ever
+    longer, as long as there is effort.
     """
     if not _affords_look(effort, steps):
         return
@@ -104,11 +113,18 @@ def reduce_batches(
 
 
 def needed_steps(task: GroundTask, steps: Sequence[GroundOperator], effort: Effort) -> Steps:
-    """The steps of a plan that it needs, with every stage reached as early as possible if that bars none of them."""
+    """The steps of a plan that it needs, with every stage reached as early as possible if that
+    bars none of them.
+    """
     settled = reach_stages_early(task, steps)
-    plain = [replace(step) for step in plain_steps(task, settled)]  # no two of them are the same object
-    kept_ids = {id(step) for step in eliminate_actions(task.initial, plain, achieved_goal(task, settled))}
-    remaining = [step for step, plain_step in zip(settled, plain, strict=True) if id(plain_step) in kept_ids]
+    # no two of them are the same object
+    plain = [replace(step) for step in plain_steps(task, settled)]
+    kept_ids = {
+        id(step) for step in eliminate_actions(task.initial, plain, achieved_goal(task, settled))
+    }
+    remaining = [
+        step for step, plain_step in zip(settled, plain, strict=True) if id(plain_step) in kept_ids
+    ]
     remaining = remaining if _reaches_goals(task, remaining) else settled
     if task.axioms is None:
         return remaining
@@ -148,7 +164,9 @@ def _better_steps(
 def _replace_stretch(
     task: GroundTask, steps: Steps, stretch: RepeatStretch, state: Bits, seed: int, effort: Effort
 ) -> Steps | None:
-    """The plan with other steps in the place of a stretch, which begins in a state; None if none are found."""
+    """The plan with other steps in the place of a stretch, which begins in a state; None if
+    none are found.
+    """
     bound = sum(max(step.cost, 1) for step in steps[stretch.first : stretch.end])
     replacement = _plan_stretch(task, state, stretch, seed, bound, effort)
     if replacement is None:
@@ -166,7 +184,9 @@ def _affords_look(effort: Effort, steps: Sequence[GroundOperator]) -> bool:
 def _plan_stretch(
     task: GroundTask, state: Bits, stretch: RepeatStretch, seed: int, bound: int, effort: Effort
 ) -> Steps | None:
-    """Steps from a state to what a stretch hands over, if they seem to cost less than `bound`; None if none are found."""
+    """Steps from a state to what a stretch hands over, if they seem to cost less than `bound`;
+    None if none are found.
+    """
     from cellwright.engine.stages.planning.forward.forward_search import (
         ForwardSearch,  # loads compiled kernels
     )
@@ -175,7 +195,9 @@ def _plan_stretch(
     effort.generated += len(own)  # which the search packs first
     if effort.over():
         return None
-    search = ForwardSearch(own, state, goals, size, seed, joint=True, bound=bound, axioms=task.axioms)
+    search = ForwardSearch(
+        own, state, goals, size, seed, joint=True, bound=bound, axioms=task.axioms
+    )
     try:
         answer = search.run(effort)
     except OutOfRange:

@@ -1,10 +1,11 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
-"""The cheapest way from a state to a goal: uniform-cost search (Dijkstra 1959) over all states, for small tasks.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
+"""The cheapest way from a state to a goal: uniform-cost search (Dijkstra 1959) over all states, for
+small tasks.
 
-Plain Python, which Cython compiles with the types in `cheapest.pxd`; without a compiler it runs as it stands, slowly.
-A set of atoms is a row of `words` whole numbers of 32 bits. Costs are small whole numbers, so that the queue is a list of states
-for each cost (Dial 1969).
+Plain Python, which Cython compiles with the types in `cheapest.pxd`; without a compiler it runs as
+it stands, slowly. A set of atoms is a row of `words` whole numbers of 32 bits. Costs are small
+whole numbers, so that the queue is a list of states for each cost (Dial 1969).
 """
 
 from array import array
@@ -33,9 +34,9 @@ def rows(sets: Sequence[int], words: int) -> Words:
 class Cheapest:
     """States that are reached at a cost below `bound`, at most `room` of them.
 
-    `needs`, `adds` and `drops` are rows for each operator: what it needs, adds, and ends. The last `eager` operators
-    cost nothing and are taken as soon as they can be. `goals` are alternatives. A search that would very likely not end
-    within `room` is given up early.
+    `needs`, `adds` and `drops` are rows for each operator: what it needs, adds, and ends. The last
+    `eager` operators cost nothing and are taken as soon as they can be. `goals` are alternatives. A
+    search that would very likely not end within `room` is given up early.
     """
 
     def __init__(
@@ -78,8 +79,9 @@ class Cheapest:
         self.waiting = self._meet(0, -1, -1)
 
     def run(self, expansions: int) -> int:
-        """The number of the goal state that is reached at the least cost, or why there is none: `NONE` is below the bound,
-        the search is `HOPELESS` within its room, or `MORE` expansions are needed."""
+        """The number of the goal state that is reached at the least cost, or why there is none:
+        `NONE` is below the bound, the search is `HOPELESS` within its room, or `MORE` expansions
+        are needed."""
         while self.level < self.bound:
             while self.first[self.level] >= 0:
                 if expansions == 0:
@@ -141,7 +143,9 @@ class Cheapest:
                 operator = self.operators
 
     def _meet(self, cost: int, parent: int, by: int) -> int:
-        """Note the fresh state if it is new or reached more cheaply than before; by how much the queue grows."""
+        """Note the fresh state if it is new or reached more cheaply than before; by how much
+        the queue grows.
+        """
         slot, same = self._slot(), 0
         state = self.table[slot]
         if state < 0:
@@ -160,7 +164,8 @@ class Cheapest:
 
     def _slot(self) -> int:
         """Where the fresh state is in the table, or belongs."""
-        hashed, odd, bits = 0, 0x9E3779B97F4A7C15, 0xFFFFFFFFFFFFFFFF  # as locals they are numbers of C
+        # as locals they are numbers of C
+        hashed, odd, bits = 0, 0x9E3779B97F4A7C15, 0xFFFFFFFFFFFFFFFF
         for word in range(self.words):
             hashed = (hashed ^ self.fresh[word]) * odd & bits
             hashed ^= hashed >> 29

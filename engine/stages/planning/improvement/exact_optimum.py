@@ -18,7 +18,9 @@ SLICE_EXPANSIONS = 20_000  # expansions between questions whether to stop
 
 @dataclass(frozen=True, slots=True)
 class CheapestPlan:
-    """Steps of a cheapest plan, internal operators that reach stages left out; None if none is cheaper than the bound."""
+    """Steps of a cheapest plan, internal operators that reach stages left out; None if none is
+    cheaper than the bound.
+    """
 
     steps: tuple[GroundOperator, ...] | None
 
@@ -32,10 +34,12 @@ def find_cheapest_plan(
     interrupted: Callable[[], bool],
     room: StateRoom = STATE_ROOM,
 ) -> CheapestPlan | None:
-    """A cheapest of all plans that cost less than `bound`; None if that would take too long to find out.
+    """A cheapest of all plans that cost less than `bound`; None if that would take too long to find
+    out.
 
-    `operators` have no conditional effects; `size` is the number of atoms, `goals` are alternatives. Stages are reached as
-    early as possible, unless a goal wants one that is not yet reached.
+    `operators` have no conditional effects; `size` is the number of atoms, `goals` are
+    alternatives. Stages are reached as early as possible, unless a goal wants one that is not yet
+    reached.
     """
     if bound <= 0:
         return CheapestPlan(None)
@@ -57,7 +61,9 @@ def find_cheapest_plan(
     drops = rows([operator.deletes & ~operator.adds for operator in every], words)
     costs = [operator.cost for operator in every]
     for capacity in _state_capacities(most):
-        search = Cheapest(words, costs, needs, adds, drops, len(eager), rows(goals, words), bound, capacity)
+        search = Cheapest(
+            words, costs, needs, adds, drops, len(eager), rows(goals, words), bound, capacity
+        )
         goal_state = _run_search(search, rows([initial], words), interrupted)
         if goal_state >= 0:
             return CheapestPlan(tuple(own[number] for number in search.path(goal_state)))
@@ -69,7 +75,9 @@ def find_cheapest_plan(
 
 
 def _state_capacities(most: int) -> Iterator[int]:
-    """Numbers of states for which room is made: little at first, as most small tasks need no more."""
+    """Numbers of states for which room is made: little at first, as most small tasks need no
+    more.
+    """
     capacity = FIRST
     while capacity < most:
         yield capacity

@@ -1,8 +1,9 @@
 """Orders of a plan: the partial order it needs, dear steps late, or equal steps side by side.
 
-This is explanation-based order generalisation (Kambhampati & Kedar 1994). Each condition is linked to the
-earliest step from which on it stays true. Links and the threats to them require orders. Two steps that must
-not run at the same time need an order, too, because unordered steps may overlap in time.
+This is explanation-based order generalisation (Kambhampati & Kedar 1994). Each condition is linked
+to the earliest step from which on it stays true. Links and the threats to them require orders. Two
+steps that must not run at the same time need an order, too, because unordered steps may overlap in
+time.
 """
 
 from collections import Counter
@@ -19,13 +20,18 @@ from cellwright.kb.terms import Function, Term
 
 
 def deorder_steps(
-    task: GroundTask, steps: Sequence[GroundOperator], goals: Bits, starts: Sequence[int] | None = None
+    task: GroundTask,
+    steps: Sequence[GroundOperator],
+    goals: Bits,
+    starts: Sequence[int] | None = None,
 ) -> Plan:
-    """The partially ordered plan of an executable sequence of unconditional operators that ends in `goals`.
+    """The partially ordered plan of an executable sequence of unconditional operators that ends in
+    `goals`.
 
-    Internal operators that reach stages become parts of steps. Those that come last and only note which goals are met
-    are left out: what they need is a goal. With `starts`, which say when each step starts, no step waits for one that has
-    not ended by then; there are no internal operators among the steps then.
+    Internal operators that reach stages become parts of steps. Those that come last and only note
+    which goals are met are left out: what they need is a goal. With `starts`, which say when each
+    step starts, no step waits for one that has not ended by then; there are no internal operators
+    among the steps then.
     """
     steps, goals = join_stages(task, steps, goals)
     real_steps = [operator for operator in steps if not is_internal(operator.instance)]
@@ -51,7 +57,10 @@ def is_internal(name: Function) -> bool:
 
 
 def _ordered_plan(
-    task: GroundTask, steps: Sequence[GroundOperator], links: list[tuple[int, int, int]], before: list[Bits]
+    task: GroundTask,
+    steps: Sequence[GroundOperator],
+    links: list[tuple[int, int, int]],
+    before: list[Bits],
 ) -> Plan:
     plan_steps = tuple(
         Step(
@@ -62,13 +71,17 @@ def _ordered_plan(
             operator.duration,
             operator.cost,
         )
-        for number, (operator, direct) in enumerate(zip(steps, _transitive_reduction(before), strict=True))
+        for number, (operator, direct) in enumerate(
+            zip(steps, _transitive_reduction(before), strict=True)
+        )
     )
     return Plan(plan_steps, tuple(_causal_link(task, len(steps), *link) for link in links))
 
 
 def _transitive_reduction(before: list[Bits]) -> Iterator[Bits]:
-    """For each step the steps that must come directly before it: the transitive reduction of `before`."""
+    """For each step the steps that must come directly before it: the transitive reduction of
+    `before`.
+    """
     ancestors: list[Bits] = []
     for earlier in before:
         remaining, direct, covered = earlier, 0, 0
@@ -82,11 +95,15 @@ def _transitive_reduction(before: list[Bits]) -> Iterator[Bits]:
 
 
 def _causal_links(
-    task: GroundTask, steps: Sequence[GroundOperator], goals: Bits, starts: Sequence[int] | None = None
+    task: GroundTask,
+    steps: Sequence[GroundOperator],
+    goals: Bits,
+    starts: Sequence[int] | None = None,
 ) -> list[tuple[int, int, int]]:
     """(producer, atom, consumer) by position; -1 is the initial state, len(steps) the goal.
 
-    The producer is the earliest position from which the atom stays true up to the consumer, and which has ended by then.
+    The producer is the earliest position from which the atom stays true up to the consumer, and
+    which has ended by then.
     """
     links: list[tuple[int, int, int]] = []
     producers = {atom: [-1] for atom in indices(task.initial)}
@@ -94,11 +111,15 @@ def _causal_links(
     def producer(atom: int, consumer: int) -> int:
         if starts is None:
             return producers[atom][0]
-        ended = (p for p in producers[atom] if p < 0 or starts[p] + steps[p].duration <= starts[consumer])
+        ended = (
+            p for p in producers[atom] if p < 0 or starts[p] + steps[p].duration <= starts[consumer]
+        )
         return next(ended, producers[atom][0])
 
     for position, operator in enumerate(steps):
-        links += [(producer(atom, position), atom, position) for atom in indices(operator.preconditions)]
+        links += [
+            (producer(atom, position), atom, position) for atom in indices(operator.preconditions)
+        ]
         for atom in indices(operator.deletes & ~operator.adds):
             producers.pop(atom, None)
         for atom in indices(operator.adds):
@@ -109,7 +130,8 @@ def _causal_links(
 def _excluded_steps(steps: Sequence[GroundOperator]) -> list[Bits]:
     """For each step the earlier steps that it must not overlap.
 
-    Two steps must not overlap if they hold the same resource, or if one denies what the other adds or needs.
+    Two steps must not overlap if they hold the same resource, or if one denies what the other adds
+    or needs.
     """
     touching: dict[int, Bits] = {}
     denying: dict[int, Bits] = {}
@@ -118,7 +140,10 @@ def _excluded_steps(steps: Sequence[GroundOperator]) -> list[Bits]:
     for position, operator in enumerate(steps):
         bit, excluded = 1 << position, 0
         denied, touched = operator.deletes & ~operator.adds, operator.adds | operator.preconditions
-        for seen, earlier_users, atoms in ((denying, touching, denied), (touching, denying, touched)):
+        for seen, earlier_users, atoms in (
+            (denying, touching, denied),
+            (touching, denying, touched),
+        ):
             for atom in indices(atoms):
                 excluded |= earlier_users.get(atom, 0)
                 seen[atom] = seen.get(atom, 0) | bit
@@ -129,13 +154,18 @@ def _excluded_steps(steps: Sequence[GroundOperator]) -> list[Bits]:
     return before
 
 
-def _causal_link(task: GroundTask, last: int, producer: int, atom: int, consumer: int) -> CausalLink:
+def _causal_link(
+    task: GroundTask, last: int, producer: int, atom: int, consumer: int
+) -> CausalLink:
     user = GOAL_STEP if consumer == last else StepId(consumer + 1)
-    return CausalLink(INITIAL_STEP if producer < 0 else StepId(producer + 1), task.atoms[atom], user)
+    return CausalLink(
+        INITIAL_STEP if producer < 0 else StepId(producer + 1), task.atoms[atom], user
+    )
 
 
 def delay_dear_steps(task: GroundTask, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
-    """The same steps in an order with the same effect: cheap steps that are done once come as early as they can.
+    """The same steps in an order with the same effect: cheap steps that are done once come as early
+    as they can.
 
     Then nothing that can be done before a batch stands between two batches.
     """
@@ -161,9 +191,11 @@ def delay_dear_steps(task: GroundTask, steps: Sequence[GroundOperator]) -> list[
 
 
 def group_steps(steps: Sequence[GroundOperator], chance: Random) -> list[GroundOperator]:
-    """The same unconditional steps in an order with the same effect: before a step comes what it needs, if that is not done yet.
+    """The same unconditional steps in an order with the same effect: before a step comes what it
+    needs, if that is not done yet.
 
-    So the steps of one errand stand side by side, which the plan may have mixed with others. Chance decides which errand is first.
+    So the steps of one errand stand side by side, which the plan may have mixed with others. Chance
+    decides which errand is first.
     """
     before = [indices(mask) for mask in _fixed_predecessors(steps)]
     needed = {place for own in before for place in own}

@@ -22,11 +22,19 @@ if TYPE_CHECKING:
 OPERATORS_PER_NODE = 32  # a window's relaxed plans cost one node for this many operators
 
 Cheaper = Callable[[Bits, Bits, Sequence[GroundOperator], Effort], list[GroundOperator] | None]
-"""Takes a state, goals, a window and an effort. Returns cheaper steps to the goals; None if it finds none."""
+"""Takes a state, goals, a window and an effort.
+
+Returns cheaper steps to the goals; None if it finds none.
+"""
 
 
 def optimise_windows(
-    initial: Bits, steps: Sequence[GroundOperator], goals: Bits, width: int, cheaper: Cheaper, effort: Effort
+    initial: Bits,
+    steps: Sequence[GroundOperator],
+    goals: Bits,
+    width: int,
+    cheaper: Cheaper,
+    effort: Effort,
 ) -> list[GroundOperator]:
     """The steps after a window of `width` steps has moved over the whole plan.
 
@@ -109,7 +117,8 @@ Steps = list[GroundOperator]
 NARROW_WINDOWS = ((6, 500), (12, 1500))  # (steps in a window, nodes that may be generated for it)
 FIRST_WINDOW_STEPS = 12  # steps in the first windows that grow by half in each round
 FIRST_WINDOW_WORK = (
-    1000  # conflicts of a solver, or expansions of a search, for such a window; they grow by half, too
+    # conflicts of a solver, or expansions of a search, for such a window; they grow by half, too
+    1000
 )
 MAX_WINDOW_WORK = 1_000_000
 
@@ -125,13 +134,19 @@ class PlanImprovement:
 
     def near(self, steps: Sequence[GroundOperator], effort: Effort) -> Iterator[Steps]:
         """The plan without needless steps, then every cheaper one found in narrow windows."""
-        needed = eliminate_actions(self.task.initial, reach_stages_early(self.task, steps), self.goals)
+        needed = eliminate_actions(
+            self.task.initial, reach_stages_early(self.task, steps), self.goals
+        )
         yield needed
         if self.regression is not None:
-            passes = [(width, by_regression(self.regression, nodes)) for width, nodes in NARROW_WINDOWS]
+            passes = [
+                (width, by_regression(self.regression, nodes)) for width, nodes in NARROW_WINDOWS
+            ]
             yield from self.settled(needed, passes, effort)
 
-    def settled(self, kept: Steps, passes: Sequence[tuple[int, Cheaper]], effort: Effort) -> Iterator[Steps]:
+    def settled(
+        self, kept: Steps, passes: Sequence[tuple[int, Cheaper]], effort: Effort
+    ) -> Iterator[Steps]:
         """Every cheaper plan that the passes find, until a round finds nothing."""
         while not effort.over():
             best_steps = kept
@@ -149,17 +164,22 @@ class PlanImprovement:
 
 
 class GrowingWindows:
-    """Windows that get more work in each round, until even the most work gives nothing more. They are wider each time, and
-    narrow again after the whole plan was one.
+    """Windows that get more work in each round, until even the most work gives nothing more. They
+    are wider each time, and narrow again after the whole plan was one.
 
-    `planner` makes what plans windows anew from the work that it may take for each. From the second round on steps that belong
-    together stand side by side.
+    `planner` makes what plans windows anew from the work that it may take for each. From the second
+    round on steps that belong together stand side by side.
     """
 
     def __init__(
         self, task: GroundTask, regression: Regression, planner: Callable[[int], Cheaper], seed: int
     ) -> None:
-        self._task, self._regression, self._planner, self._chance = task, regression, planner, Random(seed)
+        self._task, self._regression, self._planner, self._chance = (
+            task,
+            regression,
+            planner,
+            Random(seed),
+        )
         self._width, self._work = FIRST_WINDOW_STEPS, FIRST_WINDOW_WORK
 
     @property
@@ -168,11 +188,15 @@ class GrowingWindows:
         return self._work >= MAX_WINDOW_WORK
 
     def round(self, best: Steps, goals: Bits, effort: Effort) -> Iterator[Steps]:
-        """Every plan for one alternative of the goals, cheaper than `best`, that the windows of the next round give."""
+        """Every plan for one alternative of the goals, cheaper than `best`, that the windows of
+        the next round give.
+        """
         improvement = PlanImprovement(self._task, self._regression, goals)
         steps = best if self._work == FIRST_WINDOW_WORK else group_steps(best, self._chance)
         yield from improvement.settled(steps, [(self._width, self._planner(self._work))], effort)
-        self._width = FIRST_WINDOW_STEPS if self._width >= len(best) else self._width + self._width // 2
+        self._width = (
+            FIRST_WINDOW_STEPS if self._width >= len(best) else self._width + self._width // 2
+        )
         self._work += self._work // 2
 
 

@@ -1,10 +1,11 @@
 """Backward search over sets of open conditions: hill climbing with backtracking, and best-first.
 
-A node is the set of conditions that must hold so that the steps chosen so far reach the goals (regression, as
-in ITA's task planner). Weights order the work as in ABSTRIPS (Sacerdoti 1974): among otherwise equal
-operators, those for the heaviest unsatisfied condition come first. Weights never prune. Mutexes discard sets
-of conditions that no reachable state satisfies. Relaxed plans are computed only once, so a successor costs a
-few operations on bitsets (`expansion.py`). It becomes a node only when the search takes it up.
+A node is the set of conditions that must hold so that the steps chosen so far reach the goals
+(regression, as in ITA's task planner). Weights order the work as in ABSTRIPS (Sacerdoti 1974):
+among otherwise equal operators, those for the heaviest unsatisfied condition come first. Weights
+never prune. Mutexes discard sets of conditions that no reachable state satisfies. Relaxed plans are
+computed only once, so a successor costs a few operations on bitsets (`expansion.py`). It becomes a
+node only when the search takes it up.
 """
 
 import copy
@@ -20,7 +21,12 @@ from cellwright.engine.model.outcome import MacroOffer
 from cellwright.engine.stages.planning.composites import Composite, Pattern, find_composites
 from cellwright.engine.stages.planning.delete_relaxation import UNREACHABLE_COST, Relaxation
 from cellwright.engine.stages.planning.regression.expansion import Expansion, Operators, Successor
-from cellwright.engine.stages.planning.search_control import NO_PLAN, Effort, SearchResult, random_source
+from cellwright.engine.stages.planning.search_control import (
+    NO_PLAN,
+    Effort,
+    SearchResult,
+    random_source,
+)
 
 
 class RegressionNode(NamedTuple):
@@ -91,14 +97,18 @@ class BackwardSpace:
     Atoms that no chain of supporters with a cost of at most `bound` reaches count as unreachable.
     """
 
-    def __init__(self, regression: Regression, initial: Bits, bound: int = UNREACHABLE_COST) -> None:
+    def __init__(
+        self, regression: Regression, initial: Bits, bound: int = UNREACHABLE_COST
+    ) -> None:
         self.regression, self.initial = regression, initial
         self.relaxed = regression.relaxation.plans(initial, bound)
         self._expansion = Expansion(regression.indexed, self.relaxed)
 
     def offered(self, patterns: Sequence[Pattern], most: int) -> "BackwardSpace":
         """The same space with at most `most` instances of patterns beside the operators."""
-        new_composites = find_composites(self.regression.operators, patterns, most) if patterns else []
+        new_composites = (
+            find_composites(self.regression.operators, patterns, most) if patterns else []
+        )
         if not new_composites:
             return self
         extended = copy.copy(self)
@@ -120,7 +130,9 @@ class BackwardSpace:
         """The node before a node, from which an operator leads to it."""
         indexed = self.regression.indexed
         open_ = node.open & ~indexed.adds[operator] | indexed.preconditions[operator]
-        return RegressionNode(open_, operator, node, node.depth + 1, node.cost + indexed.charges[operator])
+        return RegressionNode(
+            open_, operator, node, node.depth + 1, node.cost + indexed.charges[operator]
+        )
 
     def successors(self, node: RegressionNode, room: int = UNREACHABLE_COST) -> list[Successor]:
         """The successors of a node whose operator and estimate together cost less than `room`."""
@@ -134,7 +146,9 @@ DIGEST_BYTES = 16  # bytes
 
 
 def _conditions_key(conditions: Bits) -> Bits | bytes:
-    """What stands for conditions where only their equality counts: long sets of them become a digest of 128 bits."""
+    """What stands for conditions where only their equality counts: long sets of them become a
+    digest of 128 bits.
+    """
     if conditions.bit_length() <= SHORT_CONDITION_BITS:
         return conditions
     return blake2b(
@@ -157,7 +171,8 @@ class HillClimbing:
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
-        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is
+        spent.
         """
         if self.root.open & ~self.space.initial == 0:
             return SearchResult([])
@@ -195,16 +210,21 @@ class HillClimbing:
 class BestFirstRegression:
     """Best-first search by cost + greed * estimate.
 
-    Nodes whose cost and estimate together are not less than `below` are left out. With `greed` 0 and unit
-    costs the search is breadth first and finds shortest plans.
+    Nodes whose cost and estimate together are not less than `below` are left out. With `greed` 0
+    and unit costs the search is breadth first and finds shortest plans.
     """
 
     def __init__(
-        self, space: BackwardSpace, roots: Sequence[RegressionNode], greed: int, below: int = UNREACHABLE_COST
+        self,
+        space: BackwardSpace,
+        roots: Sequence[RegressionNode],
+        greed: int,
+        below: int = UNREACHABLE_COST,
     ) -> None:
         self.space, self.greed, self.below = space, greed, below
         self._counter = itertools.count()
-        # A node that waits is the one before it and an operator, so that its conditions are made again if its turn comes: most never do.
+        # A node that waits is the one before it and an operator, so that its conditions are made
+        # again if its turn comes: most never do.
         self._queue: list[tuple[int, int, int, RegressionNode, int]] = []
         self._best: dict[Bits | bytes, int] = {}
         for root in roots:
@@ -215,7 +235,8 @@ class BestFirstRegression:
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
-        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is
+        spent.
         """
         while self._queue:
             if effort.spent():

@@ -11,15 +11,16 @@ from cellwright.engine.stages.planning.relaxed_plans import RelaxedPlans
 
 UNKNOWN: Any = object()
 Successor = tuple[int, int, int, Bits]
-"""Lightness, estimate, operator and open conditions of a node that is not made yet. The lightness is that of the condition
-which the operator achieves: the heavier, the lower."""
+"""Lightness, estimate, operator and open conditions of a node that is not made yet. The lightness
+is that of the condition which the operator achieves: the heavier, the lower."""
 
 
 class Operators:
-    """Operators by number, indexed by what they achieve and by the conditions that they conflict with.
+    """Operators by number, indexed by what they achieve and by the conditions that they conflict
+    with.
 
-    `excluded` has for each atom those that cannot be true together with it, `lightness` its lightness. The index is the same
-    for every initial state.
+    `excluded` has for each atom those that cannot be true together with it, `lightness` its
+    lightness. The index is the same for every initial state.
     """
 
     def __init__(self, excluded: list[Bits], lightness: list[int]) -> None:
@@ -59,8 +60,8 @@ class Operators:
     def _conflicting(self, preconditions: Bits, adds: Bits, deletes: Bits) -> Bits:
         """The conditions that cannot be open directly after an operator.
 
-        These are the atoms that it deletes, the atoms that exclude one that it adds, and the atoms that
-        exclude one of its preconditions and that it does not add itself.
+        These are the atoms that it deletes, the atoms that exclude one that it adds, and the atoms
+        that exclude one of its preconditions and that it does not add itself.
         """
         forbidden = deletes
         for atom in indices(preconditions):
@@ -81,8 +82,8 @@ class Expansion:
     def successors(self, open_: Bits, room: int) -> list[Successor]:
         """The successors whose operator and estimate together cost less than `room`.
 
-        An operator counts for the heaviest unsatisfied condition that it achieves. An operator that achieves
-        only conditions that hold initially comes last.
+        An operator counts for the heaviest unsatisfied condition that it achieves. An operator that
+        achieves only conditions that hold initially comes last.
         """
         lightness = self._operators.lightness
         unsatisfied = sorted(indices(open_ & ~self._initial), key=lightness.__getitem__)
@@ -95,7 +96,9 @@ class Expansion:
         before = 0
         for place in range(len(plans)):
             atom = unsatisfied[place]
-            self._achieve(found, open_, atom, lightness[atom], before | after[place + 1], room, several)
+            self._achieve(
+                found, open_, atom, lightness[atom], before | after[place + 1], room, several
+            )
             before |= plans[place]
         for atom in indices(open_ & self._initial):
             self._achieve(found, open_, atom, 1, before, room, several)
@@ -111,7 +114,9 @@ class Expansion:
         room: int,
         several: set[int],
     ) -> None:
-        """Add the successors by operators that achieve one condition; `others` is the relaxed plan of all other conditions."""
+        """Add the successors by operators that achieve one condition; `others` is the relaxed
+        plan of all other conditions.
+        """
         operators = self._operators
         achievers = operators.achievers[atom]
         for number in achievers:

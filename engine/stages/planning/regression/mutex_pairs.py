@@ -1,8 +1,8 @@
 """Mutex pairs: atoms that are never true together, from mutex groups and pair reachability.
 
-Pair reachability is h^2 (Haslum & Geffner 2000). A pair is possible if an operator with pairwise possible
-preconditions adds both atoms. It is also possible if such an operator adds one atom and does not delete the
-other, and the other is possible together with the operator's preconditions.
+Pair reachability is h^2 (Haslum & Geffner 2000). A pair is possible if an operator with pairwise
+possible preconditions adds both atoms. It is also possible if such an operator adds one atom and
+does not delete the other, and the other is possible together with the operator's preconditions.
 """
 
 from collections.abc import Sequence

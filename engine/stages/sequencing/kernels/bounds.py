@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Minimum 1-trees and the ascent over penalties, under costs (n, n) of 32 or 64 bits.
 
-Held & Karp 1970, 1971; the step as in Volgenant & Jonker 1982. Penalties are whole multiples of 1/64. So sums
-of them with integer costs are exact in floating point, and a bound has no rounding error.
+Held & Karp 1970, 1971; the step as in Volgenant & Jonker 1982. Penalties are whole multiples of
+1/64. So sums of them with integer costs are exact in floating point, and a bound has no rounding
+error.
 """
 
 import numpy as np
@@ -22,13 +23,18 @@ LEAST = 8  # an ascent makes this many slices even when the time is up
 class Ascent:
     """Where an ascent stands.
 
-    It has the penalties, the best ones and the last turns (n,), the best bound, the size of a step, the
-    number of steps since the bound was last raised, and whether the ascent has ended.
+    It has the penalties, the best ones and the last turns (n,), the best bound, the size of a step,
+    the number of steps since the bound was last raised, and whether the ascent has ended.
     """
 
     def __init__(self, penalty: Floats, upper: float, size: float, patience: int) -> None:
         n = len(penalty)
-        self.penalty, self.kept, self.last, self.near = penalty, penalty.copy(), np.zeros(n), np.zeros(n)
+        self.penalty, self.kept, self.last, self.near = (
+            penalty,
+            penalty.copy(),
+            np.zeros(n),
+            np.zeros(n),
+        )
         self.degree, self.parent, self.outside = (np.zeros(n, np.int32) for _ in range(3))
         self.upper, self.size, self.patience = upper, size, patience
         self.best, self.vain, self.ended = -INFINITE, 0, False
@@ -44,10 +50,10 @@ def ascend(
 ) -> tuple[float, Floats, int]:
     """Raise the bound by subgradient steps.
 
-    They are `size` times the gap to `upper` at first, and are halved when they do not help. `penalty` (n,) is
-    changed in place. Returns the best bound, its penalties, and the number of steps. The ascent ends early if
-    the bound reaches `upper`, if a 1-tree is a tour, or if it is interrupted; it makes at least a second's
-    worth of steps.
+    They are `size` times the gap to `upper` at first, and are halved when they do not help.
+    `penalty` (n,) is changed in place. Returns the best bound, its penalties, and the number of
+    steps. The ascent ends early if the bound reaches `upper`, if a 1-tree is a tour, or if it is
+    interrupted; it makes at least a second's worth of steps.
     """
     n = cost.shape[0]
     _check(n, cost.shape[1], len(penalty))
@@ -58,9 +64,13 @@ def ascend(
 
 
 def _check(n: int, width: int, penalties: int) -> None:
-    """Raises ValueError if the shapes of costs and penalties do not agree: compiled loops do not check this."""
+    """Raises ValueError if the shapes of costs and penalties do not agree: compiled loops do
+    not check this.
+    """
     if n < 3 or width != n or penalties != n:
-        raise ValueError(f"costs (n, n) and penalties (n,) of three cities or more were expected, n is {n}")
+        raise ValueError(
+            f"costs (n, n) and penalties (n,) of three cities or more were expected, n is {n}"
+        )
 
 
 def _climb(cost: Costs, state: Ascent, steps: int) -> int:
@@ -103,10 +113,11 @@ def _rounded(value: float) -> float:
 
 
 def one_tree(cost: Costs, penalty: Floats, degree: Ints, parent: Ints) -> float:
-    """The weight of a minimum 1-tree under cost + penalties, less twice the penalties: no tour costs less.
+    """The weight of a minimum 1-tree under cost + penalties, less twice the penalties: no tour
+    costs less.
 
-    The 1-tree is a minimum spanning tree of all cities but 0 (Prim 1957) with root 1, and the two cheapest
-    edges of city 0; n >= 3. `degree` and `parent` (n,) are written.
+    The 1-tree is a minimum spanning tree of all cities but 0 (Prim 1957) with root 1, and the two
+    cheapest edges of city 0; n >= 3. `degree` and `parent` (n,) are written.
     """
     n = cost.shape[0]
     _check(n, cost.shape[1], min(len(penalty), len(degree), len(parent)))
@@ -114,8 +125,12 @@ def one_tree(cost: Costs, penalty: Floats, degree: Ints, parent: Ints) -> float:
     return _grow(cost, penalty, degree, parent, near, outside)
 
 
-def _grow(cost: Costs, penalty: Floats, degree: Ints, parent: Ints, near: Floats, outside: Ints) -> float:
-    """The same as `one_tree`, with scratch space: `near` (n,), and the cities outside the tree in order (n,)."""
+def _grow(
+    cost: Costs, penalty: Floats, degree: Ints, parent: Ints, near: Floats, outside: Ints
+) -> float:
+    """The same as `one_tree`, with scratch space: `near` (n,), and the cities outside the tree
+    in order (n,).
+    """
     n = cost.shape[0]
     for city in range(n):
         near[city], degree[city], outside[city] = INFINITE, 0, city + 2
@@ -160,7 +175,9 @@ def _nearest(
 
 
 def _cheapest(cost: Costs, penalty: Floats, rank: int) -> int:
-    """The city to which city 0 has its cheapest edge (rank 0) or its second cheapest edge (rank 1)."""
+    """The city to which city 0 has its cheapest edge (rank 0) or its second cheapest edge (rank
+    1).
+    """
     first, second = 1, 2
     if cost[0, 2] + penalty[2] < cost[0, 1] + penalty[1]:
         first, second = 2, 1
@@ -174,8 +191,8 @@ def _cheapest(cost: Costs, penalty: Floats, rank: int) -> int:
 
 
 def excess(cost: Costs, penalty: Floats) -> Floats:
-    """How much the minimum 1-tree grows if it must contain an edge (n, n); 0 for its own (Helsgaun 2000:
-    alpha).
+    """How much the minimum 1-tree grows if it must contain an edge (n, n); 0 for its own (Helsgaun
+    2000: alpha).
     """
     n = cost.shape[0]
     _check(n, cost.shape[1], len(penalty))
@@ -198,7 +215,9 @@ def excess(cost: Costs, penalty: Floats) -> Floats:
 
 
 def _from_the_root(parent: Ints, order: Ints, trail: Ints) -> None:
-    """Write the n - 1 cities of the tree into `order` (n,), each after its parent; `trail` (n,) is scratch."""
+    """Write the n - 1 cities of the tree into `order` (n,), each after its parent; `trail` (n,)
+    is scratch.
+    """
     n, size = parent.shape[0], 1
     placed = np.zeros(n, np.bool_)
     order[0] = 1
@@ -215,9 +234,11 @@ def _from_the_root(parent: Ints, order: Ints, trail: Ints) -> None:
             size += 1
 
 
-def _heaviest(start: int, parent: Ints, order: Ints, weights: Floats, heaviest: Floats, seen: Ints) -> None:
-    """Write the weight of the heaviest edge on the tree's path from one city to each other; 0 for the city
-    itself.
+def _heaviest(
+    start: int, parent: Ints, order: Ints, weights: Floats, heaviest: Floats, seen: Ints
+) -> None:
+    """Write the weight of the heaviest edge on the tree's path from one city to each other; 0 for
+    the city itself.
 
     `weights` (n,) are those of the edges to the parents; `seen` (n,) is scratch.
     """

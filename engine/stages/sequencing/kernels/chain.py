@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Parts of the chain of 1987: cheapest insertion, two-edge exchange, and the peephole.
 
 They work on all costs (n, n) of 32 or 64 bits that are the same in both directions.
@@ -18,10 +18,14 @@ INFINITE = float("inf")
 
 
 def _check(cities: Ints, n: int, width: int, least: int) -> None:
-    """Raises ValueError if cities and costs do not fit together: compiled loops do not check this."""
+    """Raises ValueError if cities and costs do not fit together: compiled loops do not check
+    this.
+    """
     tour = np.asarray(cities)
     if n != width or not least <= len(tour) <= n or not 0 <= tour.min() <= tour.max() < n:
-        raise ValueError(f"at least {least} cities, numbered 0 to {n - 1}, and costs (n, n) were expected")
+        raise ValueError(
+            f"at least {least} cities, numbered 0 to {n - 1}, and costs (n, n) were expected"
+        )
 
 
 def _edge(cost: Costs, a: int, b: int) -> int:
@@ -32,9 +36,9 @@ def _edge(cost: Costs, a: int, b: int) -> int:
 def insert_all(ring: Ints, cost: Costs) -> Ints:
     """A tour of all cities, made from a ring of some by inserting one city after another.
 
-    Each city has a cheapest place: the edge whose replacement adds the least cost. The next city is the one
-    whose way through its place is shortest in proportion to that edge (Golden, Bodin, Doyle & Stewart 1980,
-    hull insertion). `ring` (m,), m >= 2, `cost` (n, n).
+    Each city has a cheapest place: the edge whose replacement adds the least cost. The next city is
+    the one whose way through its place is shortest in proportion to that edge (Golden, Bodin, Doyle
+    & Stewart 1980, hull insertion). `ring` (m,), m >= 2, `cost` (n, n).
     """
     n, some = cost.shape[0], ring.shape[0]
     _check(ring, n, cost.shape[1], 2)
@@ -56,9 +60,11 @@ def insert_all(ring: Ints, cost: Costs) -> Ints:
 
 
 def _place(new: int, after: Ints, place: Ints, ratio: Floats, cost: Costs) -> None:
-    """Note each outside city's cheapest place, and the way through the city there in proportion to the edge.
+    """Note each outside city's cheapest place, and the way through the city there in proportion to
+    the edge.
 
-    After `new` was inserted, all places are searched again only for cities whose cheapest place was cut.
+    After `new` was inserted, all places are searched again only for cities whose cheapest place was
+    cut.
     """
     n = after.shape[0]
     cut = -1
@@ -142,7 +148,8 @@ def _reverse(tour: Ints, first: int, last: int) -> None:
 
 
 def peephole(tour: Ints, cost: Costs, width: int) -> int:
-    """Put each stretch of `width` cities into its best order between its neighbours, until nothing changes.
+    """Put each stretch of `width` cities into its best order between its neighbours, until nothing
+    changes.
 
     Needs n >= width + 2. `tour` is changed in place. Returns how many stretches were changed.
     """
@@ -186,8 +193,8 @@ def _reorder(tour: Ints, cost: Costs, start: int, inner: Ints, value: Longs, ori
 
 
 def _subsets(inner: Ints, left: int, cost: Costs, value: Longs, origin: Ints) -> None:
-    """Write the cheapest path from `left` through each subset of `inner` to each of its cities, and the city
-    before that.
+    """Write the cheapest path from `left` through each subset of `inner` to each of its cities, and
+    the city before that.
 
     `value` and `origin` (2 ** width, width) are written.
     """

@@ -1,9 +1,9 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Annealing over orders whose costs depend on the direction, or on the visits before.
 
-A move puts a stretch of the order at another place, in the same direction or reversed. Without windows,
-precedence and reversal, only the changed arcs are priced; else the whole order is priced.
+A move puts a stretch of the order at another place, in the same direction or reversed. Without
+windows, precedence and reversal, only the changed arcs are priced; else the whole order is priced.
 """
 
 import numpy as np
@@ -17,8 +17,8 @@ LONGEST = 30
 def price(order: Ints, arcs: Longs, closed: bool, times: Longs, pairs: Longs, fine: Longs) -> int:
     """The cost of an order with fines.
 
-    fine[0] is paid for each unit of lateness, fine[1] for each pair (m, 2) in the wrong order. `times` (3, n)
-    are durations, earliest beginnings and latest beginnings.
+    fine[0] is paid for each unit of lateness, fine[1] for each pair (m, 2) in the wrong order.
+    `times` (3, n) are durations, earliest beginnings and latest beginnings.
     """
     return Orders(order, arcs, closed, times, pairs, fine).price()
 
@@ -38,10 +38,12 @@ def anneal(
     cooling: float,
     seed: int,
 ) -> tuple[Ints, int, float]:
-    """Anneal over `moves` moves of the positions low..high - 1; the other positions stay as they are.
+    """Anneal over `moves` moves of the positions low..high - 1; the other positions stay as they
+    are.
 
-    `order` (n,) is changed in place; `near` (n, k) are cities from which each city is near. Fines of 0 mean
-    that there are neither windows nor precedence. Returns the best order, its price and the final warmth.
+    `order` (n,) is changed in place; `near` (n, k) are cities from which each city is near. Fines
+    of 0 mean that there are neither windows nor precedence. Returns the best order, its price and
+    the final warmth.
     """
     orders = Orders(order, arcs, closed, times, pairs, fine)
     annealed = Annealing(orders, near, low, high, seed)
@@ -50,17 +52,23 @@ def anneal(
 
 
 class Orders:
-    """An order (n,) that is changed in place, a move of it, and prices. The arrays are those of `price`.
+    """An order (n,) that is changed in place, a move of it, and prices. The arrays are those of
+    `price`.
 
-    `moved` has the cities between the positions `start` and `end` after the move. Raises ValueError if shapes
-    do not agree.
+    `moved` has the cities between the positions `start` and `end` after the move. Raises ValueError
+    if shapes do not agree.
     """
 
     def __init__(
         self, order: Ints, arcs: Longs, closed: bool, times: Longs, pairs: Longs, fine: Longs
     ) -> None:
         n = self.n = len(order)
-        if (arcs.shape, times.shape, pairs.shape[1:], fine.shape) != ((n, n), (3, n), (2,), (2,)) or not n:
+        if (arcs.shape, times.shape, pairs.shape[1:], fine.shape) != (
+            (n, n),
+            (3, n),
+            (2,),
+            (2,),
+        ) or not n:
             raise ValueError("arcs (n, n), times (3, n), pairs (m, 2) and two fines were expected")
         for cities in (order, pairs):
             if cities.size and not 0 <= cities.min() <= cities.max() < n:
@@ -93,7 +101,9 @@ class Orders:
         return total + self.late * late + self.wrong * wrong
 
     def move(self, first: int, last: int, behind: int, turned: bool) -> None:
-        """Put the stretch first..last behind the position `behind` outside it; -1 means the front."""
+        """Put the stretch first..last behind the position `behind` outside it; -1 means the
+        front.
+        """
         length = last - first + 1
         if behind < first:
             self.start, self.end, at = behind + 1, last, behind + 1
@@ -151,7 +161,12 @@ class Annealing:
         self.orders = orders
         order = np.asarray(self.orders.order)
         n = len(order)
-        if near.ndim != 2 or len(near) != n or not near.size or not 0 <= near.min() <= near.max() < n:
+        if (
+            near.ndim != 2
+            or len(near) != n
+            or not near.size
+            or not 0 <= near.min() <= near.max() < n
+        ):
             raise ValueError(f"candidates (n, k) numbered 0 to {n - 1} were expected")
         if not 0 <= low < high <= n:
             raise ValueError(f"positions {low} to {high - 1} of {n} cannot be moved")
@@ -196,12 +211,19 @@ class Annealing:
         else:
             behind = self.low - 1 + self.stream.below(width + 1)
         self.first, self.last, self.behind = first, last, behind
-        if (first - 1 <= behind <= last and first > 0) or behind >= self.high or behind < self.low - 1:
+        if (
+            (first - 1 <= behind <= last and first > 0)
+            or behind >= self.high
+            or behind < self.low - 1
+        ):
             return False
         return first > 0 or not (behind <= last or last == self.orders.n - 1)
 
     def _price_after(self, now: int, turned: bool) -> int:
-        """The price after the move. If the changed arcs do not determine it, the whole order is priced."""
+        """The price after the move.
+
+        If the changed arcs do not determine it, the whole order is priced.
+        """
         if self.orders.late == 0 and not turned:
             return now + self.orders.difference(self.first, self.last, self.behind)
         self.orders.move(self.first, self.last, self.behind, turned)

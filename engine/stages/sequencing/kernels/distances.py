@@ -1,8 +1,9 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Costs between cities: looked up in a matrix, or computed from points.
 
-The figures are those of `cellwright.engine.model.tour_problem`, computed by the same operations in the same order.
+The figures are those of `cellwright.engine.model.tour_problem`, computed by the same operations in
+the same order.
 """
 
 import math
@@ -30,8 +31,9 @@ NONE: NDArray[Any] = np.zeros((1, 1), np.int32)
 class Distances:
     """Symmetric costs between `n` cities.
 
-    Either `cost` (n, n) has them, in 32 or 64 bits. Or they are those of `metric` between points (m, 3); then `extra`
-    [group of a, group of b] is added. City m, if there is one (n = m + 1), is no point: `ends` (n,) has the costs to it.
+    Either `cost` (n, n) has them, in 32 or 64 bits. Or they are those of `metric` between points
+    (m, 3); then `extra` [group of a, group of b] is added. City m, if there is one (n = m + 1), is
+    no point: `ends` (n,) has the costs to it.
     """
 
     def __init__(
@@ -96,13 +98,17 @@ class Distances:
         return low
 
 
-def _check(cost: NDArray[Any], metric: str, points: Floats, group: Ints, extra: Longs, ends: Longs) -> None:
+def _check(
+    cost: NDArray[Any], metric: str, points: Floats, group: Ints, extra: Longs, ends: Longs
+) -> None:
     """Raises ValueError if arrays do not fit together: compiled loops do not check this."""
     m, kinds = len(points), len(extra)
     square = cost.ndim == 2 and cost.shape[0] == cost.shape[1]
     shaped = points.shape == (m, 3) and len(group) in (0, m) and len(ends) in (0, m, m + 1)
     if not square or not shaped or extra.shape != (kinds, kinds) or bool(metric) == (m == 0):
         shapes = f"{cost.shape}, points {points.shape}, groups {group.shape}, ends {ends.shape}"
-        raise ValueError(f"costs (n, n), or points (m, 3) with a metric were expected, not {shapes}")
+        raise ValueError(
+            f"costs (n, n), or points (m, 3) with a metric were expected, not {shapes}"
+        )
     if len(group) and not 0 <= group.min() <= group.max() < kinds:
         raise ValueError(f"groups are numbered 0 to {kinds - 1}")

@@ -1,12 +1,13 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Closed tours, and exchanges of two and three edges that make them shorter.
 
-A tour is an array of cities with its inverse (`position`). Every change is the reversal of a stretch of
-positions. A reversal is its own inverse, so a journal of reversals can undo changes.
+A tour is an array of cities with its inverse (`position`). Every change is the reversal of a
+stretch of positions. A reversal is its own inverse, so a journal of reversals can undo changes.
 
-An exchange is evaluated before anything is moved. Most exchanges are rejected, and then cost no reversal. Lin
-& Kernighan 1973, all choices on the first levels; Bentley 1992 (queue of cities that are worth a look).
+An exchange is evaluated before anything is moved. Most exchanges are rejected, and then cost no
+reversal. Lin & Kernighan 1973, all choices on the first levels; Bentley 1992 (queue of cities that
+are worth a look).
 """
 
 import numpy as np
@@ -22,17 +23,26 @@ TWO, TWO_TWICE, SWAPPED, TURNED = 1, 2, 3, 4
 class Ring:
     """A tour (n,) that is changed in place, n >= 8, under symmetric costs.
 
-    `near` (n, k) has the candidates of each city, nearest first; `toll` (n, k) has the costs to them. `mate` (n,) has the
-    city to which the edge of a city must stay, or -1. A queue holds the cities that are worth a look. Raises ValueError
-    if shapes do not agree.
+    `near` (n, k) has the candidates of each city, nearest first; `toll` (n, k) has the costs to
+    them. `mate` (n,) has the city to which the edge of a city must stay, or -1. A queue holds the
+    cities that are worth a look. Raises ValueError if shapes do not agree.
     """
 
-    def __init__(self, tour: Ints, distances: Distances, near: Ints, toll: Longs, mate: Ints) -> None:
+    def __init__(
+        self, tour: Ints, distances: Distances, near: Ints, toll: Longs, mate: Ints
+    ) -> None:
         self.n, self.count = len(tour), near.shape[1]
         _check(tour, distances.n, near, toll, mate)
-        self.distances, self.tour, self.near, self.toll = distances, whole(tour), whole(near), whole(toll)
+        self.distances, self.tour, self.near, self.toll = (
+            distances,
+            whole(tour),
+            whole(near),
+            whole(toll),
+        )
         self.mate = whole(mate)
-        self.position, self.queue, self.waiting = (whole(np.zeros(self.n, np.int32)) for _ in range(3))
+        self.position, self.queue, self.waiting = (
+            whole(np.zeros(self.n, np.int32)) for _ in range(3)
+        )
         self.journal, self.noting = whole(np.zeros((JOURNAL, 2), np.int32)), True
         self.rows, self.written, self.head, self.size = len(self.journal), 0, 0, 0
         self.kind = self.t2 = self.t3 = self.t4 = self.t5 = self.t6 = 0
@@ -52,7 +62,9 @@ class Ring:
         return self.distances.between(a, b)
 
     def link(self, a: int, b: int) -> int:
-        """The cost from a city to one that was lately beside it in the tour: the last two are kept for each city."""
+        """The cost from a city to one that was lately beside it in the tour: the last two are
+        kept for each city.
+        """
         if self.beside[a, 0] == b:
             return self.ways[a, 0]
         if self.beside[a, 1] == b:
@@ -73,7 +85,9 @@ class Ring:
             self.size += 1
 
     def reverse(self, first: int, last: int) -> None:
-        """Reverse the positions from `first` to `last`, cyclically: the stretch between them, not the rest."""
+        """Reverse the positions from `first` to `last`, cyclically: the stretch between them,
+        not the rest.
+        """
         n, length = self.n, last - first + 1
         if length <= 0:
             length += n
@@ -103,7 +117,10 @@ class Ring:
             self.reverse(self.journal[row, 0], self.journal[row, 1])
 
     def settle(self) -> int:
-        """Exchange edges around the cities in the queue until no exchange gains. Returns the gain."""
+        """Exchange edges around the cities in the queue until no exchange gains.
+
+        Returns the gain.
+        """
         gain = 0
         while self.size > 0:
             city = self.queue[self.head]
@@ -115,7 +132,10 @@ class Ring:
         return gain
 
     def _improve(self, city: int) -> int:
-        """Exchange edges beside a city until no exchange gains or the journal is full. Returns the gain."""
+        """Exchange edges beside a city until no exchange gains or the journal is full.
+
+        Returns the gain.
+        """
         gain = idle = 0
         forward = True
         while idle < 2 and self.written + ROOM < self.rows:
@@ -186,15 +206,21 @@ class Ring:
         return best
 
     def _closed(self, gain: int, best: int, last: int, first: int) -> int:
-        """What is left of a gain when the tour is closed; no edge is looked at where nothing better can come of it."""
+        """What is left of a gain when the tour is closed; no edge is looked at where nothing
+        better can come of it.
+        """
         return gain - self.edge(last, first) if gain > best else gain
 
     def _keep(self, kind: int, t2: int, t3: int, t4: int, t5: int, t6: int) -> None:
         """Note the best exchange so far."""
         self.kind, self.t2, self.t3, self.t4, self.t5, self.t6 = kind, t2, t3, t4, t5, t6
 
-    def _second_turn(self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int) -> int:
-        """The best gain so far, after a try of a second two-edge exchange at t1: first t2..t4 is reversed."""
+    def _second_turn(
+        self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int
+    ) -> int:
+        """The best gain so far, after a try of a second two-edge exchange at t1: first t2..t4
+        is reversed.
+        """
         follower = self._step(not forward, t4)
         for rank in range(self.count):
             t5 = self.near[t4, rank]
@@ -212,8 +238,12 @@ class Ring:
                 self._keep(TWO_TWICE, t2, t3, t4, t5, t6)
         return best
 
-    def _opened_cycle(self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int) -> int:
-        """The cycle t2..t3, which the first two exchanges cut off, is opened and put between t4 and t1 again."""
+    def _opened_cycle(
+        self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int
+    ) -> int:
+        """The cycle t2..t3, which the first two exchanges cut off, is opened and put between t4
+        and t1 again.
+        """
         for rank in range(self.count):
             t5 = self.near[t4, rank]
             left = gain - self.toll[t4, rank]
@@ -267,9 +297,17 @@ class Ring:
 def _check(tour: Ints, cities: int, near: Ints, toll: Longs, mate: Ints) -> None:
     """Raises ValueError if arrays do not fit together: compiled loops do not check this."""
     n = len(tour)
-    if n < 8 or cities != n or near.shape[:1] != (n,) or toll.shape != near.shape or mate.shape != (n,):
+    if (
+        n < 8
+        or cities != n
+        or near.shape[:1] != (n,)
+        or toll.shape != near.shape
+        or mate.shape != (n,)
+    ):
         shapes = f"{tour.shape}, costs of {cities}, candidates {near.shape}, tolls {toll.shape}"
-        raise ValueError(f"eight cities or more, (n,), of n, (n, k) and (n, k) were expected, not {shapes}")
+        raise ValueError(
+            f"eight cities or more, (n,), of n, (n, k) and (n, k) were expected, not {shapes}"
+        )
     for cities_of in (tour, near):
         if cities_of.size and not 0 <= cities_of.min() <= cities_of.max() < n:
             raise ValueError(f"cities are numbered 0 to {n - 1}")

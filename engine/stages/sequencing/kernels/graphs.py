@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Minimum 1-trees of graphs with few edges (Kruskal 1956), again and again under other penalties.
 
-Weights are costs with penalties. All of them are whole multiples of 1 / GRAIN, so sums have no rounding error, and edges are
-sorted by the digits of whole numbers. City 0 is the one that is no part of the tree and has two edges.
+Weights are costs with penalties. All of them are whole multiples of 1 / GRAIN, so sums have no
+rounding error, and edges are sorted by the digits of whole numbers. City 0 is the one that is no
+part of the tree and has two edges.
 """
 
 import numpy as np
@@ -25,7 +26,8 @@ class Graph:
         self.root, self.places = np.zeros(n, np.int32), np.zeros((1 << DIGIT) + 1, np.int32)
 
     def weigh(self, penalty: Floats, degree: Ints, floor: float) -> float:
-        """The weight of a minimum 1-tree, less twice the penalties (n,); its degrees (n,) are written.
+        """The weight of a minimum 1-tree, less twice the penalties (n,); its degrees (n,) are
+        written.
 
         Where edges are lacking or weigh more than `floor`, edges of this weight are assumed.
         """
@@ -38,7 +40,9 @@ class Graph:
         return total
 
     def span(self, penalty: Floats, cities: int, found: Ints) -> int:
-        """Write the edges of a shortest tree of the first `cities`, the lightest first; returns how many they are."""
+        """Write the edges of a shortest tree of the first `cities`, the lightest first; returns
+        how many they are.
+        """
         if len(penalty) != self.n or not 0 < cities <= self.n or len(found) < cities:
             raise ValueError(f"penalties of {self.n} cities and room for a tree were expected")
         self._sort(self._weights(penalty))
@@ -54,7 +58,9 @@ class Graph:
         return count
 
     def clusters(self, joining: Ints, cluster: Ints) -> None:
-        """Write for each city (n,) a city of its cluster, the same for all of them, if some edges join cities."""
+        """Write for each city (n,) a city of its cluster, the same for all of them, if some
+        edges join cities.
+        """
         _check_edges(joining, self.edges)
         if len(cluster) != self.n:
             raise ValueError(f"room for {self.n} cities was expected")
@@ -69,7 +75,10 @@ class Graph:
             cluster[city] = at
 
     def _weights(self, penalty: Floats) -> int:
-        """Write weights and keys, which are whole numbers of the same order. Returns the greatest key."""
+        """Write weights and keys, which are whole numbers of the same order.
+
+        Returns the greatest key.
+        """
         least, greatest = 0.0, 0.0
         for edge in range(self.edges):
             weight = self.cost[edge] + penalty[self.first[edge]] + penalty[self.second[edge]]
@@ -83,7 +92,9 @@ class Graph:
         return int((greatest - least) * GRAIN)
 
     def _sort(self, greatest: int) -> None:
-        """Sort the edges by their keys, digit by digit from the last; equal ones stay in their order."""
+        """Sort the edges by their keys, digit by digit from the last; equal ones stay in their
+        order.
+        """
         for edge in range(self.edges):
             self.order[edge] = edge
         shift = 0

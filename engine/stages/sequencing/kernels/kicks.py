@@ -1,6 +1,7 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
-"""Annealing with kicks: double bridges between places that are near each other, along the tour or in space.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
+"""Annealing with kicks: double bridges between places that are near each other, along the tour or
+in space.
 
 Martin, Otto & Felten 1991 (double-bridge kicks with annealed acceptance); here the kicks are local.
 """
@@ -20,7 +21,8 @@ TRIES = 100  # to cut no edge that must stay
 
 
 class Kicker:
-    """A tour that is annealed, the best tour since the last `begin`, and the gain of both over the tour then.
+    """A tour that is annealed, the best tour since the last `begin`, and the gain of both over the
+    tour then.
 
     The arguments are those of `Ring`; `tour` (n,) is changed in place, n >= 8.
     """
@@ -35,7 +37,10 @@ class Kicker:
         self.stale = False
 
     def settle(self, first: int, last: int) -> int:
-        """Exchange edges around the cities at the positions first..last - 1, until nothing helps. Returns the gain."""
+        """Exchange edges around the cities at the positions first..last - 1, until nothing helps.
+
+        Returns the gain.
+        """
         for index in range(max(0, first), min(last, self.n)):
             self.ring.wake(self.ring.tour[index])
         self.ring.noting = False
@@ -59,8 +64,8 @@ class Kicker:
     def anneal(self, kicks: int, warmth: float, cooling: float) -> float:
         """Make local double bridges, each repaired by exchanges. Returns the final warmth.
 
-        A worse tour is accepted with the probability exp(-loss / warmth); `warmth` is multiplied by `cooling` after each
-        kick.
+        A worse tour is accepted with the probability exp(-loss / warmth); `warmth` is multiplied by
+        `cooling` after each kick.
         """
         for _ in range(kicks):
             self.ring.written = 0
@@ -74,7 +79,10 @@ class Kicker:
         return warmth
 
     def _accept(self, change: int) -> None:
-        """Count the gain of a kick. The best tour is not copied before a worse one takes its place."""
+        """Count the gain of a kick.
+
+        The best tour is not copied before a worse one takes its place.
+        """
         if change < 0 and self.stale:
             self.ring.back()
             self._remember()
@@ -109,7 +117,12 @@ class Kicker:
             loss -= self.ring.edge(last, first)
             self.ring.wake(last)
             self.ring.wake(first)
-        loss += self._new_edge(0, 2) + self._new_edge(3, 1) + self._new_edge(2, 0) + self._new_edge(1, 3)
+        loss += (
+            self._new_edge(0, 2)
+            + self._new_edge(3, 1)
+            + self._new_edge(2, 0)
+            + self._new_edge(1, 3)
+        )
         for place in range(3):
             self.ring.note((self.cuts[place] + 1) % self.n, self.cuts[place + 1])
         self.ring.note((self.cuts[0] + 1) % self.n, self.cuts[3])
@@ -117,7 +130,7 @@ class Kicker:
 
     def _cuts_fixed(self) -> bool:
         """Whether a cut parts two cities that must stay together."""
-        for place in range(4):  # noqa: SIM110  a generator would not be compiled
+        for place in range(4):
             if self.ring.fixed(self._beside(place, 0), self._beside(place, 1)):
                 return True
         return False
@@ -131,11 +144,11 @@ class Kicker:
         return self.ring.edge(self._beside(place, 0), self._beside(other, 1))
 
     def _near_cuts(self) -> bool:
-        """Cut at four different places whose cities are close to each other in space, in the order of the
-        tour.
+        """Cut at four different places whose cities are close to each other in space, in the order
+        of the tour.
 
-        The cuts are rotated so that the longest path lies between the last and the first. Returns False if
-        four such places were not found.
+        The cuts are rotated so that the longest path lies between the last and the first. Returns
+        False if four such places were not found.
         """
         city = self.stream.below(self.n)
         for place in range(4):

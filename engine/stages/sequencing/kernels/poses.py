@@ -1,13 +1,15 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Search over orders and poses together.
 
-The poses of all visits are in one table (m, k) of joint values divided by joint speeds. So the time between
-two poses is their largest difference. The poses of visit v are the rows offset[v] .. offset[v + 1] - 1. A
-tour is a ring of visits (`after`, `before`) with a row for each visit (`pose`).
+The poses of all visits are in one table (m, k) of joint values divided by joint speeds. So the time
+between two poses is their largest difference. The poses of visit v are the rows offset[v] ..
+offset[v + 1] - 1. A tour is a ring of visits (`after`, `before`) with a row for each visit
+(`pose`).
 
-Ruin and recreate (Schrimpf et al. 2000); each insertion chooses a pose, as Smith & Imeson 2017 (GLNS) do for
-generalised tours. The layered shortest path over poses is that of Suarez-Ruiz, Lembono & Pham 2018.
+Ruin and recreate (Schrimpf et al. 2000); each insertion chooses a pose, as Smith & Imeson 2017
+(GLNS) do for generalised tours. The layered shortest path over poses is that of Suarez-Ruiz,
+Lembono & Pham 2018.
 """
 
 import numpy as np
@@ -23,8 +25,8 @@ NOISE = 0.2  # how far the choice of a place may err
 def best_poses(order: Ints, table: Floats, offset: Ints, closed: bool, pose: Ints) -> float:
     """The least time of an order over all choices of poses.
 
-    The rows that give it are written into `pose` (n,), by visit. A closed tour is cut at its first visit, and
-    the path is computed for each of its poses. So the first visit should have few poses.
+    The rows that give it are written into `pose` (n,), by visit. A closed tour is cut at its first
+    visit, and the path is computed for each of its poses. So the first visit should have few poses.
     """
     return Layers(order, table, offset, pose).best(closed)
 
@@ -42,8 +44,9 @@ def search(
 ) -> tuple[Ints, Ints, float, Ints, Ints, float]:
     """Ruin and recreate a closed tour for `rounds` rounds, with annealing; n >= 8.
 
-    `order` (n,) and `pose` (n,) are the tour; `near` (n, k) has the visits beside which a visit may be
-    inserted. Returns the best order, its poses and time, the current order and poses, and the final warmth.
+    `order` (n,) and `pose` (n,) are the tour; `near` (n, k) has the visits beside which a visit may
+    be inserted. Returns the best order, its poses and time, the current order and poses, and the
+    final warmth.
     """
     ruins = Ruins(order, pose, table, offset, near, seed)
     warmth = ruins.run(rounds, warmth, cooling)
@@ -66,7 +69,12 @@ def _check(order: Ints, table: Floats, offset: Ints, pose: Ints) -> None:
     n = len(order)
     if n < 1 or not np.array_equal(np.sort(order), np.arange(n)) or pose.shape != (n,):
         raise ValueError("an order (n,) of all visits, and a row (n,) for each, were expected")
-    if offset.shape != (n + 1,) or offset[0] < 0 or offset[n] > len(table) or np.diff(offset).min() < 1:
+    if (
+        offset.shape != (n + 1,)
+        or offset[0] < 0
+        or offset[n] > len(table)
+        or np.diff(offset).min() < 1
+    ):
         raise ValueError("each visit needs rows of the table of poses")
 
 
@@ -89,7 +97,9 @@ class Poses:
 
 
 class Layers:
-    """Shortest paths over the poses of visits in a given order; the best rows are written into `pose` (n,)."""
+    """Shortest paths over the poses of visits in a given order; the best rows are written into
+    `pose` (n,).
+    """
 
     def __init__(self, order: Ints, table: Floats, offset: Ints, pose: Ints) -> None:
         _check(order, table, offset, pose)
@@ -115,8 +125,8 @@ class Layers:
         return best
 
     def _pass(self, fixed: int) -> float:
-        """The time of a shortest path to its last pose `last`; with `fixed` >= 0, from this pose and back to
-        it.
+        """The time of a shortest path to its last pose `last`; with `fixed` >= 0, from this pose
+        and back to it.
         """
         home = self.poses.offset[self.order[0]]
         start, count = home, self.poses.width(self.order[0])
@@ -140,7 +150,9 @@ class Layers:
         return total
 
     def _from_before(self, start: int, count: int, row: int) -> float:
-        """The least time to a row from the `count` rows at `start`; `origin` becomes the row before it."""
+        """The least time to a row from the `count` rows at `start`; `origin` becomes the row
+        before it.
+        """
         least, self.origin = BIG, 0
         for earlier in range(count):
             if self.value[earlier] < least:
@@ -151,9 +163,13 @@ class Layers:
 
 
 class Ruins:
-    """A closed tour that is ruined and recreated; `kept_after`, `kept_pose` and `best` are the best so far."""
+    """A closed tour that is ruined and recreated; `kept_after`, `kept_pose` and `best` are the
+    best so far.
+    """
 
-    def __init__(self, order: Ints, pose: Ints, table: Floats, offset: Ints, near: Ints, seed: int) -> None:
+    def __init__(
+        self, order: Ints, pose: Ints, table: Floats, offset: Ints, near: Ints, seed: int
+    ) -> None:
         _check(order, table, offset, pose)
         n = self.n = len(order)
         if (
@@ -218,7 +234,10 @@ class Ruins:
             self.kept_after[visit], self.kept_pose[visit] = self.after[visit], self.pose[visit]
 
     def _ruin(self) -> int:
-        """Remove some neighbouring visits, or a stretch of the tour, from the ring. Returns their number."""
+        """Remove some neighbouring visits, or a stretch of the tour, from the ring.
+
+        Returns their number.
+        """
         count = min(1 + self.stream.below(MOST), self.n - 3)
         visit = seed = self.stream.below(self.n)
         along, taken = self.stream.random() < 0.5, 0
@@ -227,7 +246,10 @@ class Ruins:
                 break
             if self.after[visit] >= 0:
                 following = self.after[visit]
-                self.after[self.before[visit]], self.before[following] = following, self.before[visit]
+                self.after[self.before[visit]], self.before[following] = (
+                    following,
+                    self.before[visit],
+                )
                 self.after[visit] = -1
                 self.removed[taken] = visit
                 taken += 1
@@ -241,7 +263,9 @@ class Ruins:
         return taken
 
     def _recreate(self, count: int) -> None:
-        """Insert the visits again in random order, then choose their poses and their neighbours' poses."""
+        """Insert the visits again in random order, then choose their poses and their
+        neighbours' poses.
+        """
         for last in range(count - 1, 0, -1):
             other = self.stream.below(last + 1)
             self.removed[last], self.removed[other] = self.removed[other], self.removed[last]
@@ -276,11 +300,18 @@ class Ruins:
             self._choose(visit, self.pose[place], self.pose[self.after[place]], BIG)
             row = self.chosen
         b = self.after[place]
-        self.after[place], self.after[visit], self.before[b], self.before[visit] = visit, b, visit, place
+        self.after[place], self.after[visit], self.before[b], self.before[visit] = (
+            visit,
+            b,
+            visit,
+            place,
+        )
         self.pose[visit] = row
 
     def _choose(self, visit: int, left: int, right: int, limit: float) -> float:
-        """The least time over a visit between two rows, below `limit`; `chosen` is its row, or -1 if none."""
+        """The least time over a visit between two rows, below `limit`; `chosen` is its row, or
+        -1 if none.
+        """
         self.chosen = -1
         for row in range(self.poses.offset[visit], self.poses.offset[visit + 1]):
             time = self.poses.travel(left, row)

@@ -1,9 +1,9 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
+# initializedcheck=False cython: cdivision=True
 """Minimum 1-trees of all edges without a matrix (Prim 1957).
 
-Weights are costs with penalties. All of them are whole multiples of 1/64, so sums have no rounding error. City 0 is the
-one that is no part of the tree and has two edges.
+Weights are costs with penalties. All of them are whole multiples of 1/64, so sums have no rounding
+error. City 0 is the one that is no part of the tree and has two edges.
 """
 
 import numpy as np
@@ -17,7 +17,8 @@ INFINITE = float("inf")
 def full_tree(distances: Distances, penalty: Floats, parent: Ints) -> float:
     """The weight of a minimum 1-tree of all cities, n >= 3.
 
-    The tree's edges go from each city to its `parent` (n,); `parent` of cities 0 and 1 are the two ends of city 0.
+    The tree's edges go from each city to its `parent` (n,); `parent` of cities 0 and 1 are the two
+    ends of city 0.
     """
     n = distances.n
     if n < 3 or len(penalty) != n or len(parent) != n:

@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """The rays of a camera's pixels on triangles: how deep the first one hit lies, and which it is.
 
-A ray meets a triangle where it passes all three planes through the eye and an edge on the same side. These tests are linear
-in the pixel, so each triangle is tried, in each row of the box around its picture, on one stretch of pixels only.
+A ray meets a triangle where it passes all three planes through the eye and an edge on the same
+side. These tests are linear in the pixel, so each triangle is tried, in each row of the box around
+its picture, on one stretch of pixels only.
 """
 
 import math
@@ -18,19 +19,27 @@ NONE = -1
 
 
 class Range:
-    """What the pixels (height, width) see: the depth along the optical axis, 0 for nothing, and the number of the owner."""
+    """What the pixels (height, width) see: the depth along the optical axis, 0 for nothing, and
+    the number of the owner.
+    """
 
-    def __init__(self, shape: tuple[int, int], focal_px: float, centre_px: tuple[float, float]) -> None:
+    def __init__(
+        self, shape: tuple[int, int], focal_px: float, centre_px: tuple[float, float]
+    ) -> None:
         """An empty picture: pixel (v, u) looks along ((u - cx) / focal, (v - cy) / focal, 1)."""
         self.depth, self.owner = np.zeros(shape), np.full(shape, NONE, dtype=np.int64)
         self._depth, self._owner = self.depth, self.owner
         self.height, self.width = shape
         self.focal, (self.cx, self.cy) = focal_px, centre_px
-        self.plane = np.zeros((4, 3))  # the normals of a triangle's edge planes, and of its own plane
+        # the normals of a triangle's edge planes, and of its own plane
+        self.plane = np.zeros((4, 3))
 
 
 def draw(r: Range, corners: Floats, owners: Longs) -> None:
-    """Look at triangles (m, 3, 3) in the camera's frame, each with its owner (m,). The nearest is kept, also of earlier calls."""
+    """Look at triangles (m, 3, 3) in the camera's frame, each with its owner (m,).
+
+    The nearest is kept, also of earlier calls.
+    """
     count = len(corners)
     refuse_unless("corners", corners, np.float64, (count, 3, 3))
     refuse_unless("owners", owners, np.int64, (count,))
@@ -68,7 +77,8 @@ def _draw(r: Range, corners: Floats, t: int, owner: int) -> None:
 
 
 def _span(r: Range, y: float, side: float, left: int, right: int) -> tuple[int, int]:
-    """The first and the last pixel of a row that may be on the inner side of all three edges; the last is before the first if none is.
+    """The first and the last pixel of a row that may be on the inner side of all three edges; the
+    last is before the first if none is.
 
     One pixel more on each side, as the row's ends are rounded.
     """
@@ -88,7 +98,9 @@ def _span(r: Range, y: float, side: float, left: int, right: int) -> tuple[int, 
 
 
 def _look(r: Range, owner: int, u: int, v: int, y: float, offset: float) -> None:
-    """Let one pixel see the triangle whose planes are set, if its ray meets it before anything else."""
+    """Let one pixel see the triangle whose planes are set, if its ray meets it before anything
+    else.
+    """
     x = (u - r.cx) / r.focal
     a = r.plane[0, 0] * x + r.plane[0, 1] * y + r.plane[0, 2]
     b = r.plane[1, 0] * x + r.plane[1, 1] * y + r.plane[1, 2]
@@ -116,15 +128,21 @@ def _most(pixel: float, high: int) -> int:
 
 
 def _planes(r: Range, corners: Floats, t: int) -> float:
-    """Set the normals of the planes through the eye and the edges, and of the triangle's plane, their sum; its offset."""
+    """Set the normals of the planes through the eye and the edges, and of the triangle's plane,
+    their sum; its offset.
+    """
     for x in range(3):
         r.plane[3, x] = 0.0
     for i in range(3):
         j = (i + 1) % 3
         for x in range(3):
             y, z = (x + 1) % 3, (x + 2) % 3
-            r.plane[i, x] = corners[t, i, y] * corners[t, j, z] - corners[t, i, z] * corners[t, j, y]
+            r.plane[i, x] = (
+                corners[t, i, y] * corners[t, j, z] - corners[t, i, z] * corners[t, j, y]
+            )
             r.plane[3, x] += r.plane[i, x]
     return float(
-        r.plane[3, 0] * corners[t, 0, 0] + r.plane[3, 1] * corners[t, 0, 1] + r.plane[3, 2] * corners[t, 0, 2]
+        r.plane[3, 0] * corners[t, 0, 0]
+        + r.plane[3, 1] * corners[t, 0, 1]
+        + r.plane[3, 2] * corners[t, 0, 2]
     )

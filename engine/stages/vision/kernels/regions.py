@@ -1,9 +1,10 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """Plane regions of a depth image.
 
-In a picture, the inverse depth w of a plane is linear in the pixel: w = a u + b v + c. So a plane is fitted to pixels as a line
-is to points, and a region grows over the neighbours whose inverse depth is near its plane.
+In a picture, the inverse depth w of a plane is linear in the pixel: w = a u + b v + c. So a plane
+is fitted to pixels as a line is to points, and a region grows over the neighbours whose inverse
+depth is near its plane.
 """
 
 import math
@@ -16,9 +17,11 @@ DOUBT = 1e30  # how badly a block without enough pixels fits
 
 
 class Grower:
-    """An image of inverse depths (h, w), 0 where nothing is known, and the number of each pixel's region (h, w): 0 if none.
+    """An image of inverse depths (h, w), 0 where nothing is known, and the number of each pixel's
+    region (h, w): 0 if none.
 
-    Pixels with a negative number are left alone. `plane` (3,) and `size` are those of the region that grew last.
+    Pixels with a negative number are left alone. `plane` (3,) and `size` are those of the region
+    that grew last.
     """
 
     def __init__(self, inverse: Floats, label: Longs) -> None:
@@ -73,7 +76,8 @@ def _free(g: Grower, u: int, v: int) -> bool:
 
 
 def block(g: Grower, u: int, v: int, side: int) -> float:
-    """How far the pixels of a block from (v, u) are from the plane fitted to them, in metres (root of the mean square).
+    """How far the pixels of a block from (v, u) are from the plane fitted to them, in metres (root
+    of the mean square).
 
     The plane is that of `g`. A block with fewer than three quarters of its pixels free fits badly.
     """
@@ -112,7 +116,8 @@ def blocks(g: Grower, side: int, stride: int) -> Floats:
 
 
 def grow(g: Grower, number: int, tolerance_m: float) -> int:
-    """Let region `number` grow from the last block's middle, over pixels within `tolerance_m` of its plane; its size.
+    """Let region `number` grow from the last block's middle, over pixels within `tolerance_m` of
+    its plane; its size.
 
     The plane is fitted anew each time that the region has doubled.
     """

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """The border of a mask of pixels, and where the measured surface ends near it."""
 
 import math
@@ -15,9 +15,11 @@ AROUND, SQUARE = (
 
 
 def border(mask: Truths) -> tuple[Floats, Floats]:
-    """The border pixels (n, 2) of a mask, as (u, v), and the directions (n, 2) out of it: away from what is near and in it.
+    """The border pixels (n, 2) of a mask, as (u, v), and the directions (n, 2) out of it: away from
+    what is near and in it.
 
-    A pixel of the mask is on its border if one of its four neighbours is in the picture, and not in the mask.
+    A pixel of the mask is on its border if one of its four neighbours is in the picture, and not in
+    the mask.
     """
     height, width = mask.shape
     refuse_unless("mask", mask, np.bool_, (height, width))
@@ -73,25 +75,43 @@ def ends(
     owner: Longs,
     corner: tuple[int, int],
 ) -> tuple[Floats, Truths]:
-    """How many pixels outside of border places at (n, 2) the measured surface ends, and where it goes on (n,).
+    """How many pixels outside of border places at (n, 2) the measured surface ends, and where it
+    goes on (n,).
 
-    `inverse` are inverse depths (height, width), 0 where nothing is known; `planes` (n, 3) those of the surface, linear in
-    the pixel. It is looked along `outward` (n, 2), up to `reach` pixels in both ways. The first is nan where no end is seen.
+    `inverse` are inverse depths (height, width), 0 where nothing is known; `planes` (n, 3) those of
+    the surface, linear in the pixel. It is looked along `outward` (n, 2), up to `reach` pixels in
+    both ways. The first is nan where no end is seen.
 
-    `depth` and `owner` (h, w) are the part's own picture, whose first pixel is `corner` (u, v) of the image. On the way from inside, its
-    other facets may be crossed, which lie elsewhere than the plane: where they are seen as deep as they are, the part goes on;
-    where they are not, this says nothing of where this facet ends.
+    `depth` and `owner` (h, w) are the part's own picture, whose first pixel is `corner` (u, v) of
+    the image. On the way from inside, its other facets may be crossed, which lie elsewhere than the
+    plane: where they are seen as deep as they are, the part goes on; where they are not, this says
+    nothing of where this facet ends.
     """
     count = len(at)
     refuse_unless("inverse depths", inverse, np.float64, inverse.shape)
-    for what, array, columns in (("planes", planes, 3), ("places", at, 2), ("directions", outward, 2)):
+    for what, array, columns in (
+        ("planes", planes, 3),
+        ("places", at, 2),
+        ("directions", outward, 2),
+    ):
         refuse_unless(what, array, np.float64, (count, columns))
     refuse_unless("depths of the part", depth, np.float64, depth.shape)
     refuse_unless("owners", owner, np.int64, depth.shape)
     shift, goes_on = np.full(count, np.nan), np.zeros(count, dtype=bool)
     u0, v0 = corner
     _ended(
-        inverse, planes, at, outward, reach, tolerance_m, depth, owner, u0, v0, shift, goes_on.view(np.uint8)
+        inverse,
+        planes,
+        at,
+        outward,
+        reach,
+        tolerance_m,
+        depth,
+        owner,
+        u0,
+        v0,
+        shift,
+        goes_on.view(np.uint8),
     )
     return shift, goes_on
 

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
-# cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
+# wraparound=False cython: initializedcheck=False, cdivision=True
 """Points of a surface, at many poses, against a depth image."""
 
 import math
@@ -12,11 +12,14 @@ from cellwright.engine.kernels.arrays import Floats, refuse_unless
 class Samples:
     """An image and points of a surface that are looked for in it.
 
-    Depths (height, width), 0 where nothing is known; `optics` (3,): focal length and middle, in pixels; `points` (s, 3) and
-    their outward unit normals (s, 3). A point whose normal's cosine with its ray is less than `facing` is not asked for.
+    Depths (height, width), 0 where nothing is known; `optics` (3,): focal length and middle, in
+    pixels; `points` (s, 3) and their outward unit normals (s, 3). A point whose normal's cosine
+    with its ray is less than `facing` is not asked for.
     """
 
-    def __init__(self, depth: Floats, optics: Floats, points: Floats, normals: Floats, facing: float) -> None:
+    def __init__(
+        self, depth: Floats, optics: Floats, points: Floats, normals: Floats, facing: float
+    ) -> None:
         refuse_unless("depths", depth, np.float64, depth.shape)
         refuse_unless("optics", optics, np.float64, (3,))
         for what, array in (("points", points), ("normals", normals)):
@@ -26,7 +29,9 @@ class Samples:
 
 
 def seen(s: Samples, poses: Floats, tolerance_m: float) -> tuple[Floats, Floats]:
-    """For poses T_camera_surface (h, 4, 4), how many points are seen where they should be, and how many are seen through."""
+    """For poses T_camera_surface (h, 4, 4), how many points are seen where they should be, and
+    how many are seen through.
+    """
     count = len(poses)
     refuse_unless("poses", poses, np.float64, (count, 4, 4))
     agree, through = np.zeros(count), np.zeros(count)
@@ -54,7 +59,9 @@ def _seen(s: Samples, poses: Floats, tolerance_m: float, agree: Floats, through:
                 agree[h] += 1.0
 
 
-def _row(points: Floats, normals: Floats, poses: Floats, h: int, n: int, i: int) -> tuple[float, float]:
+def _row(
+    points: Floats, normals: Floats, poses: Floats, h: int, n: int, i: int
+) -> tuple[float, float]:
     """One coordinate of a point and of its normal at a pose."""
     a, b, c = poses[h, i, 0], poses[h, i, 1], poses[h, i, 2]
     return (

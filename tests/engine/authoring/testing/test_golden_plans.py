@@ -38,7 +38,9 @@ def test_a_changed_goal_says_what_it_changes(cell: Path) -> None:
 def test_an_unsolvable_problem_has_a_golden_answer_too(cell: Path) -> None:
     problem = cell / "problems" / "two_items.yaml"
     (cell / "problems" / "never.yaml").write_text(
-        problem.read_text().replace("two_items", "never").replace("sorted(bolt, _)", "sorted(bolt, right)")
+        problem.read_text()
+        .replace("two_items", "never")
+        .replace("sorted(bolt, _)", "sorted(bolt, right)")
     )
     never = next(each for each in compare_all(str(cell)) if each.name == "never")
     assert never.verdict == "new"
@@ -60,7 +62,9 @@ def test_a_damaged_golden_file_is_bad_input(cell: Path) -> None:
         list(compare_all(str(cell)))
 
 
-def test_the_plugin_tests_a_domain_and_shows_the_difference(cell: Path, pytester: pytest.Pytester) -> None:
+def test_the_plugin_tests_a_domain_and_shows_the_difference(
+    cell: Path, pytester: pytest.Pytester
+) -> None:
     shutil.copytree(cell, pytester.path / "cell")
     pytester.runpytest("cell").assert_outcomes(passed=1)
     problem = pytester.path / "cell" / "problems" / "two_items.yaml"

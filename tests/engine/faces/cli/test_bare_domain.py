@@ -1,4 +1,6 @@
-"""A domain whose operators are generated from its contact model serves every command that reads a plan."""
+"""A domain whose operators are generated from its contact model serves every command that reads
+a plan.
+"""
 
 import json
 import shutil
@@ -37,7 +39,9 @@ def test_a_plan_is_read_back(plan_file: Path, words: list[str], said: str) -> No
 
 
 def test_a_step_is_explained(plan_file: Path) -> None:
-    operators = [step["operator"] for step in json.loads(plan_file.read_text())["data"]["plan"]["steps"]]
+    operators = [
+        step["operator"] for step in json.loads(plan_file.read_text())["data"]["plan"]["steps"]
+    ]
     answer = CliRunner().invoke(app, ["explain", str(plan_file), "2"])
     assert answer.exit_code == 0, answer.output
     assert operators[1].split("(")[0] in answer.stdout
@@ -54,7 +58,9 @@ def problem_file(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_problem_stands_for_its_domain_where_pictures_and_states_are_asked_for(problem_file: Path) -> None:
+def test_a_problem_stands_for_its_domain_where_pictures_and_states_are_asked_for(
+    problem_file: Path,
+) -> None:
     for words in (["cell", "show"], ["states"]):
         answer = CliRunner().invoke(app, [*words, str(problem_file)])
         assert answer.exit_code == 0, answer.output

@@ -12,7 +12,8 @@ run = CliRunner().invoke
 
 def test_a_cell_is_told_with_what_is_in_collision() -> None:
     result = run(
-        app, ["cell", "show", "themse", "--configuration", "0, 45, -20, 0, 60, 0", "--format", "json"]
+        app,
+        ["cell", "show", "themse", "--configuration", "0, 45, -20, 0, 60, 0", "--format", "json"],
     )
     envelope = json.loads(result.stdout)
     assert (result.exit_code, envelope["status"]) == (0, "ok")
@@ -35,12 +36,16 @@ def test_a_place_is_shown_with_the_tool_that_it_needs() -> None:
     ],
 )
 def test_a_problem_is_shown_as_it_begins(targets: tuple[str, ...]) -> None:
-    """The file has everything open and the lid on its stand; in one of the problems the lid is on the freezer."""
+    """The file has everything open and the lid on its stand; in one of the problems the lid is
+    on the freezer.
+    """
     seen = {run(app, ["cell", "show", target, "--format", "svg"]).stdout for target in targets}
     assert len(seen) == len(targets)
 
 
-@pytest.mark.parametrize(("form", "begins"), [("png", b"\x89PNG"), ("svg", b"<svg"), ("gltf", b'{"asset"')])
+@pytest.mark.parametrize(
+    ("form", "begins"), [("png", b"\x89PNG"), ("svg", b"<svg"), ("gltf", b'{"asset"')]
+)
 def test_pictures_are_written_to_files(form: str, begins: bytes, tmp_path: Path) -> None:
     file = tmp_path / f"cell.{form}"
     result = run(app, ["cell", "show", "handey", "-o", str(file)])

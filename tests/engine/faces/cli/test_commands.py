@@ -28,7 +28,12 @@ def test_a_plan_passes_through_a_file_to_the_checker(tmp_path: Path) -> None:
     file.write_text(json.dumps(envelope))
     assert answer("validate", str(file)) == (
         0,
-        {"version": 1, "status": "valid", "data": {"steps": 5, "cost": 5, "links": 8}, "diagnostics": []},
+        {
+            "version": 1,
+            "status": "valid",
+            "data": {"steps": 5, "cost": 5, "links": 8},
+            "diagnostics": [],
+        },
     )
 
 
@@ -111,9 +116,14 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
 
 
 def test_help_names_every_command_and_loads_nothing_heavy() -> None:
-    code = "import sys; from cellwright.engine.faces.cli import app; heavy = {'clingo', 'ortools', 'pydantic', 'networkx', 'numpy'}"
+    code = (
+        "import sys; from cellwright.engine.faces.cli import app; heavy = {'clingo', 'ortools', "
+        "'pydantic', 'networkx', 'numpy'}"
+    )
     code += "; print(sorted(heavy & set(sys.modules)))"
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
     assert result.stdout == "[]\n"
     said = run(app, ["--help"]).stdout
     assert all(verb in said for verb in ("check", "init", "plan", "schema", "test", "validate"))
@@ -121,7 +131,8 @@ def test_help_names_every_command_and_loads_nothing_heavy() -> None:
 
 def test_a_command_in_words_is_planned_and_checked(tmp_path: Path) -> None:
     sentence = (
-        "process probe 1 in the furnace for 15 min, cool it down in the freezer for 5 min and store it again"
+        "process probe 1 in the furnace for 15 min, cool it down in the freezer for 5 min and "
+        "store it again"
     )
     code, envelope = answer("plan", "themse", "--command", sentence)
     assert (code, envelope["status"]) == (0, "optimal")

@@ -1,4 +1,6 @@
-"""`cellwright diagnose`: whole trees, scripted and simulated cases, questions, recovery, and what is learned."""
+"""`cellwright diagnose`: whole trees, scripted and simulated cases, questions, recovery, and
+what is learned.
+"""
 
 import json
 import xml.etree.ElementTree as ET
@@ -38,12 +40,23 @@ def _expected(part: Any) -> float:
 def test_the_picture_of_a_tree_is_svg_with_every_cause() -> None:
     drawn = run("bulkhead", "--exception", "no_echo", "--tree", "--format", "svg").stdout
     texts = {each.text for each in ET.fromstring(drawn).iter("{http://www.w3.org/2000/svg}text")}
-    assert {"missing_couplant", "broken_probe", "loose_cable", "tilted_contact", "wet", "dry"} <= texts
+    assert {
+        "missing_couplant",
+        "broken_probe",
+        "loose_cable",
+        "tilted_contact",
+        "wet",
+        "dry",
+    } <= texts
 
 
 def test_scripted_outcomes_lead_to_the_cause() -> None:
     found = data(
-        "bulkhead", "--exception", "no_echo", "--outcomes", "look_at_spot=wet, tool_self_test=failed"
+        "bulkhead",
+        "--exception",
+        "no_echo",
+        "--outcomes",
+        "look_at_spot=wet, tool_self_test=failed",
     )
     assert found["isolated"]
     assert found["hypotheses"][0]["causes"] == ["broken_probe"]
@@ -52,7 +65,12 @@ def test_scripted_outcomes_lead_to_the_cause() -> None:
 
 def test_a_case_that_stays_open_says_so() -> None:
     found = data(
-        "themse", "--exception", "bayonet_stuck", "--outcomes", "look_into_drawer=as_modelled", code=12
+        "themse",
+        "--exception",
+        "bayonet_stuck",
+        "--outcomes",
+        "look_into_drawer=as_modelled",
+        code=12,
     )
     assert not found["isolated"]
     assert len(found["hypotheses"]) == 5
@@ -73,7 +91,9 @@ def test_an_explanation_compares_with_the_runner_up() -> None:
 
 def test_set_up_makes_tests_dearer() -> None:
     alone = data("bulkhead", "--exception", "implausible_value", "--tree")
-    placed = data("bulkhead/one_point", "--exception", "implausible_value", "--step", STEP, "--tree")
+    placed = data(
+        "bulkhead/one_point", "--exception", "implausible_value", "--step", STEP, "--tree"
+    )
     assert placed["expected cost"] > alone["expected cost"]
 
 
@@ -102,7 +122,9 @@ def test_counts_are_imported(tmp_path: Path) -> None:
     store, counts = str(tmp_path / "cases.db"), tmp_path / "counts.json"
     counts.write_text('{"no_echo": {"broken_probe": 40}}')
     found = data("bulkhead", "--import", str(counts), "--store", store)["cases"]
-    assert found == [{"exception": "no_echo", "causes": ["broken_probe"], "weight": 40.0, "cost": 0.0}]
+    assert found == [
+        {"exception": "no_echo", "causes": ["broken_probe"], "weight": 40.0, "cost": 0.0}
+    ]
 
 
 @pytest.mark.parametrize(
@@ -115,7 +137,13 @@ def test_counts_are_imported(tmp_path: Path) -> None:
         ("bulkhead", "--exception", "no_echo", "--step", "us_measure("),
         ("bulkhead", "--exception", "no_echo", "--step", "us_measure(us_probe, t3_746)"),
         ("bulkhead", "--exception", "no_echo", "--step", "move(t3_746, meas(m1), meas(m2))"),
-        ("bulkhead/one_point", "--exception", "no_echo", "--step", "us_measure(us_probe, t3_746, m99)"),
+        (
+            "bulkhead/one_point",
+            "--exception",
+            "no_echo",
+            "--step",
+            "us_measure(us_probe, t3_746, m99)",
+        ),
         ("bulkhead", "--exception", "no_echo", "--hidden", "loose_cable", "--recover"),
         ("bulkhead", "--history"),
     ],
@@ -127,7 +155,15 @@ def test_what_is_not_there_is_named(arguments: tuple[str, ...]) -> None:
 
 
 def test_the_same_seed_gives_the_same_case() -> None:
-    arguments = ("themse", "--exception", "lost_on_the_way", "--hidden", "low_voltage", "--seed", "4")
+    arguments = (
+        "themse",
+        "--exception",
+        "lost_on_the_way",
+        "--hidden",
+        "low_voltage",
+        "--seed",
+        "4",
+    )
     assert run(*arguments).stdout == run(*arguments).stdout
 
 
@@ -136,7 +172,9 @@ def test_the_interrupted_step_may_be_a_number_of_the_plan(tmp_path: Path) -> Non
     made = CliRunner().invoke(app, ["plan", "bulkhead/one_point", "--format", "json"]).stdout
     plan.write_text(made)
     steps = json.loads(made)["data"]["plan"]["steps"]
-    number, step = next((e["id"], e["operator"]) for e in steps if e["operator"].startswith("us_measure"))
+    number, step = next(
+        (e["id"], e["operator"]) for e in steps if e["operator"].startswith("us_measure")
+    )
     asked = ("bulkhead/one_point", "--exception", "implausible_value", "--plan", str(plan))
     case = ("--hidden", "missing_couplant", "--recover")
     assert data(*asked, "--step", str(number), *case) == data(*asked, "--step", step, *case)

@@ -13,7 +13,11 @@ from cellwright.engine.formats.interop.range_files import read_ranges, write_ran
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import translation
 from cellwright.engine.model.vision import RangeImage, picture_of
-from cellwright.engine.stages.vision.sensor_images import expected_ranges, resolve_ranges, scan_solids
+from cellwright.engine.stages.vision.sensor_images import (
+    expected_ranges,
+    resolve_ranges,
+    scan_solids,
+)
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.cell_model import Ranging
 from tests.engine.stages.solids import block
@@ -73,7 +77,9 @@ def test_wrapped_ranges_are_refused_if_nothing_is_expected(wrapped: Path) -> Non
 
 def distance(said: str) -> dict[str, float]:
     (found,) = (
-        each for each in json.loads(said)["data"]["between"]["near, far"] if each["what"] == "distance"
+        each
+        for each in json.loads(said)["data"]["between"]["near, far"]
+        if each["what"] == "distance"
     )
     return found  # type: ignore[no-any-return]
 
@@ -85,7 +91,9 @@ def step(*command: str | Path) -> dict[str, float]:
     return distance(said)
 
 
-def test_wrapped_ranges_are_resolved_by_a_distance_or_by_an_image(wrapped: Path, image: Path) -> None:
+def test_wrapped_ranges_are_resolved_by_a_distance_or_by_an_image(
+    wrapped: Path, image: Path
+) -> None:
     by_distance = step(wrapped, "--about", "505", "--expected", "5")
     by_image = step(wrapped, "--about", image, "--expected", "2")
     for found in (by_distance, by_image):
@@ -104,8 +112,12 @@ def test_wrapped_ranges_are_resolved_by_a_distance_or_by_an_image(wrapped: Path,
         (("--about", "WRAPPED"), "wrapped, too"),
     ],
 )
-def test_what_cannot_resolve_ranges_is_refused(wrapped: Path, words: tuple[str, ...], said: str) -> None:
-    code, output = run(wrapped, *(str(wrapped) if each == "WRAPPED" else each for each in words), *PATCHES)
+def test_what_cannot_resolve_ranges_is_refused(
+    wrapped: Path, words: tuple[str, ...], said: str
+) -> None:
+    code, output = run(
+        wrapped, *(str(wrapped) if each == "WRAPPED" else each for each in words), *PATCHES
+    )
     assert code == 2, output
     assert said in output
 
@@ -140,7 +152,9 @@ def cell(tmp_path: Path) -> str:
 
 
 def written(depth: Floats, path: Path) -> Path:
-    """A depth image in the form that the ending says; clouds hold the points of all pixels with an answer."""
+    """A depth image in the form that the ending says; clouds hold the points of all pixels with
+    an answer.
+    """
     rays = picture_of(TOOL).rays(*np.mgrid[:48, :48].astype(float)[::-1])
     points = (depth[..., None] * rays)[depth > 0]
     match path.suffix:
@@ -149,17 +163,25 @@ def written(depth: Floats, path: Path) -> Path:
         case ".png":
             Image.fromarray(np.rint(1e3 * depth).astype(np.uint16)).save(path)
         case ".pcd":
-            head = f"FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nPOINTS {len(points)}\nDATA binary\n"
+            head = (
+                f"FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nPOINTS {len(points)}\nDATA "
+                "binary\n"
+            )
             path.write_bytes(head.encode() + points.astype("<f8").tobytes())
         case ".ply":
             axes = "".join(f"property double {axis}\n" for axis in "xyz")
-            head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{axes}end_header\n"
+            head = (
+                "ply\nformat binary_little_endian 1.0\nelement vertex "
+                f"{len(points)}\n{axes}end_header\n"
+            )
             path.write_bytes(head.encode() + points.astype("<f8").tobytes())
     return path
 
 
 @pytest.mark.parametrize("ending", [".npy", ".pcd", ".ply", ".png"])
-def test_depth_images_of_others_are_measured(ending: str, image: Path, cell: str, tmp_path: Path) -> None:
+def test_depth_images_of_others_are_measured(
+    ending: str, image: Path, cell: str, tmp_path: Path
+) -> None:
     own = read_ranges(image)
     depth = own.range_m * own.beams[..., 2]
     found = step(written(depth, tmp_path / f"depth{ending}"), "--tool", cell, "scanner")
@@ -179,7 +201,9 @@ def test_a_depth_image_says_what_it_does_not_tell(image: Path, cell: str, tmp_pa
 
 
 @pytest.mark.parametrize("tool", ["scaner", "probe"])
-def test_a_tool_that_is_no_ranging_tool_is_named(image: Path, cell: str, tmp_path: Path, tool: str) -> None:
+def test_a_tool_that_is_no_ranging_tool_is_named(
+    image: Path, cell: str, tmp_path: Path, tool: str
+) -> None:
     file = written(read_ranges(image).range_m, tmp_path / "depth.npy")
     code, said = run(file, "--tool", cell, tool, *PATCHES)
     assert code == 2

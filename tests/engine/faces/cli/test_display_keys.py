@@ -1,4 +1,6 @@
-"""The live display on a terminal: keys tell the run what to do, and the terminal is left as it was."""
+"""The live display on a terminal: keys tell the run what to do, and the terminal is left as it
+was.
+"""
 
 import os
 import pty
@@ -16,7 +18,9 @@ PATIENCE_S = 60.0
 
 
 def shown(terminal: int, until: bytes, seconds: float = PATIENCE_S) -> bytes:
-    """What comes on a terminal until a text is there, or the time is over, or nobody writes any more."""
+    """What comes on a terminal until a text is there, or the time is over, or nobody writes any
+    more.
+    """
     found, end = b"", time.monotonic() + seconds
     while until not in found and time.monotonic() < end:
         if select.select([terminal], [], [], 0.2)[0]:
@@ -28,7 +32,9 @@ def shown(terminal: int, until: bytes, seconds: float = PATIENCE_S) -> bytes:
 
 
 def typed(words: list[str], keys: str, outcome: bytes, folder: Path) -> tuple[bytes, int]:
-    """What a command shows on a terminal where `keys` are pressed once its display is there, and its exit code."""
+    """What a command shows on a terminal where `keys` are pressed once its display is there,
+    and its exit code.
+    """
     outer, inner = pty.openpty()
     before = termios.tcgetattr(inner)
     line = [
@@ -40,8 +46,16 @@ def typed(words: list[str], keys: str, outcome: bytes, folder: Path) -> tuple[by
         "--store",
         str(folder / "r.db"),
     ]
-    environment = {**os.environ, "PYTHONPATH": str(TOP), "TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
-    with subprocess.Popen(line, stdin=inner, stdout=inner, stderr=inner, env=environment, cwd=folder) as run:
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(TOP),
+        "TERM": "xterm",
+        "COLUMNS": "120",
+        "LINES": "40",
+    }
+    with subprocess.Popen(
+        line, stdin=inner, stdout=inner, stderr=inner, env=environment, cwd=folder
+    ) as run:
         seen = shown(outer, b"mars_gripper")
         assert b"mars_gripper" in seen or b"pick" in seen, seen[-2_000:]
         for key in keys:
@@ -57,7 +71,9 @@ def typed(words: list[str], keys: str, outcome: bytes, folder: Path) -> tuple[by
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("keys", "outcome", "code"), [("s", b"stopped safely", 40), ("ps", b"stopped", 40)])
+@pytest.mark.parametrize(
+    ("keys", "outcome", "code"), [("s", b"stopped safely", 40), ("ps", b"stopped", 40)]
+)
 def test_keys_reach_the_run_and_the_terminal_is_left_as_it_was(
     keys: str, outcome: bytes, code: int, tmp_path: Path
 ) -> None:
@@ -68,8 +84,12 @@ def test_keys_reach_the_run_and_the_terminal_is_left_as_it_was(
 @pytest.mark.slow
 def test_a_run_that_is_taken_up_again_is_shown_from_where_it_was(tmp_path: Path) -> None:
     name = f"shown-{os.getpid()}"
-    typed(["run", "themse/one", "--factor", "0.02", "--name", name], "s", b"stopped safely", tmp_path)
-    seen, code = typed(["resume", name, "--factor", "0.001"], "", b"all goals are reached", tmp_path)
+    typed(
+        ["run", "themse/one", "--factor", "0.02", "--name", name], "s", b"stopped safely", tmp_path
+    )
+    seen, code = typed(
+        ["resume", name, "--factor", "0.001"], "", b"all goals are reached", tmp_path
+    )
     assert code == 0
     assert f"{name}: running".encode() in seen
     assert b"stopped by order" in seen, "the log goes on from where it was"

@@ -1,4 +1,6 @@
-"""The first five minutes: help by purpose on 80 columns, completion, progress of slow commands, a home that nobody may write."""
+"""The first five minutes: help by purpose on 80 columns, completion, progress of slow commands,
+a home that nobody may write.
+"""
 
 import os
 import re
@@ -24,7 +26,9 @@ from tests.places import TOP
 PROGRAM = typer.main.get_command(app)
 
 
-def commands(group: Any = PROGRAM, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+def commands(
+    group: Any = PROGRAM, words: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
     """Every command with its words, groups too."""
     yield words, group
     for name in sorted(getattr(group, "commands", {})):
@@ -44,7 +48,9 @@ def test_every_verb_stands_under_one_heading() -> None:
 
 
 def test_every_option_under_a_heading_is_there() -> None:
-    known = {option for command in EVERY.values() for each in command.params for option in each.opts}
+    known = {
+        option for command in EVERY.values() for each in command.params for option in each.opts
+    }
     assert {option for options in OPTIONS_FOR.values() for option in options} <= known
 
 
@@ -92,7 +98,9 @@ def test_what_is_said_of_getting_less_is_an_option_of_that_command() -> None:
             assert option in known, (verb, option)
 
 
-def test_targets_are_completed_with_names_and_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_targets_are_completed_with_names_and_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bulk.yaml").touch()
     (tmp_path / "bulk.txt").touch()
@@ -113,7 +121,9 @@ def test_targets_are_completed_with_names_and_files(tmp_path: Path, monkeypatch:
     assert "handey/five" in shared_options.complete_scenes("handey/f")
 
 
-def test_runs_are_completed_from_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_are_completed_from_the_journal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert shared_options.complete_runs("o") == []
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
@@ -132,7 +142,10 @@ def test_a_shell_completes_problems(shell: str, tmp_path: Path) -> None:
         "_TYPER_COMPLETE_ARGS": "cellwright plan bulkhead/tw",
         "_TYPER_COMPLETE_FISH_ACTION": "get-args",
     }
-    code = "import sys; sys.argv = ['cellwright']; from cellwright.engine.faces.cli import main; main()"
+    code = (
+        "import sys; sys.argv = ['cellwright']; from cellwright.engine.faces.cli import main; "
+        "main()"
+    )
     ran = subprocess.run(
         [sys.executable, "-c", code],
         env=environment,
@@ -219,9 +232,14 @@ def test_a_home_that_cannot_be_written_is_told_with_the_way_out(
 
 def test_an_empty_file_of_results_is_told(tmp_path: Path) -> None:
     store = ("--store", str(tmp_path / "runs.db"))
-    assert CliRunner().invoke(app, ["run", "themse/in_furnace", "--name", "lab", *store]).exit_code == 0
+    assert (
+        CliRunner().invoke(app, ["run", "themse/in_furnace", "--name", "lab", *store]).exit_code
+        == 0
+    )
     for kind in ("csv", "qif"):
-        told = CliRunner().invoke(app, ["results", "lab", "-o", str(tmp_path / f"lab.{kind}"), *store])
+        told = CliRunner().invoke(
+            app, ["results", "lab", "-o", str(tmp_path / f"lab.{kind}"), *store]
+        )
         assert told.exit_code == 0
         assert "nothing was measured" in " ".join(told.stdout.split())
 
@@ -234,7 +252,10 @@ def test_a_file_that_is_not_there_is_named_by_one_beside_it(
     (tmp_path / "cells").mkdir()
     (tmp_path / "cells" / "mine.yaml").touch()
     assert "did you mean 'plan.json'?" in CliRunner().invoke(app, ["validate", "plan.jsn"]).stderr
-    assert "did you mean 'cells/mine.yaml'?" in CliRunner().invoke(app, ["plan", "cells/min.yaml"]).stderr
+    assert (
+        "did you mean 'cells/mine.yaml'?"
+        in CliRunner().invoke(app, ["plan", "cells/min.yaml"]).stderr
+    )
     assert "did you mean" not in CliRunner().invoke(app, ["validate", "nothing"]).stderr
     assert "bundled: " in CliRunner().invoke(app, ["plan", "nowhere/x.yaml"]).stderr
 
@@ -255,7 +276,9 @@ def test_a_file_of_rules_is_told_as_such() -> None:
         ("operations.tsv", "cellwright schedule takes them"),
     ],
 )
-def test_files_of_other_systems_tell_which_command_takes_them(tmp_path: Path, name: str, advice: str) -> None:
+def test_files_of_other_systems_tell_which_command_takes_them(
+    tmp_path: Path, name: str, advice: str
+) -> None:
     (tmp_path / name).write_text("x\n")
     target = tmp_path if name.endswith(".tsv") else tmp_path / name  # such tables lie in a folder
     result = CliRunner().invoke(app, ["plan", str(target)])

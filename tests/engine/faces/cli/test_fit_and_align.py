@@ -27,7 +27,9 @@ def run(*command: str | Path) -> tuple[int, str]:
 
 @pytest.fixture
 def job(tmp_path: Path) -> Path:
-    """A problem with profiles on three sides of a block, and results of a part that lies elsewhere; m5 is wrong."""
+    """A problem with profiles on three sides of a block, and results of a part that lies
+    elsewhere; m5 is wrong.
+    """
     text = [
         "problem: job",
         f"domain: {BUNDLED / 'bulkhead'}",
@@ -40,14 +42,18 @@ def job(tmp_path: Path) -> Path:
         place = np.round(random.uniform(-0.8, 0.8, 3), 3)
         text += [f"  - needs(m{number}, profile)"]
         text += [f"  - position(m{number}, {', '.join(str(round(1e6 * each)) for each in place)})"]
-        text += [f"  - normal(m{number}, {', '.join(str(1000 * (each == axis)) for each in range(3))})"]
+        text += [
+            f"  - normal(m{number}, {', '.join(str(1000 * (each == axis)) for each in range(3))})"
+        ]
         n = np.eye(3)[axis]
         now = T[:3, :3] @ n  # where the beam along the nominal normal meets the displaced surface
         off = (now @ (T[:3, :3] @ place + T[:3, 3] - place)) / (now @ n)
         off += random.normal(0.0, 2e-5) + (0.003 if number == 5 else 0.0)
         measured.append(Measured(f"m{number}", "profile", round(1e6 * off), "um"))
     (tmp_path / "job.yaml").write_text("\n".join([*text, "goals: []  # none yet", ""]))
-    (tmp_path / "results.json").write_text(write_results(Results("r", "", tuple(measured)), ResultForm.JSON))
+    (tmp_path / "results.json").write_text(
+        write_results(Results("r", "", tuple(measured)), ResultForm.JSON)
+    )
     return tmp_path
 
 
@@ -84,7 +90,9 @@ def test_the_moved_problem_finds_its_domain_from_another_folder(job: Path, named
 
 def test_a_file_that_is_there_is_kept_if_the_moved_problem_cannot_be_written(job: Path) -> None:
     shutil.copytree(BUNDLED / "bulkhead", job / "cell")
-    text = (job / "job.yaml").read_text().replace(f"domain: {BUNDLED / 'bulkhead'}", '"domain": cell')
+    text = (
+        (job / "job.yaml").read_text().replace(f"domain: {BUNDLED / 'bulkhead'}", '"domain": cell')
+    )
     (job / "job.yaml").write_text(text)
     (job / "deeper").mkdir()
     there = job / "deeper" / "moved.yaml"
@@ -118,7 +126,13 @@ def _points(file: Path) -> list[MeasurementPoint]:
 
 def test_an_alignment_that_is_not_sure_enough_is_refused(job: Path) -> None:
     code, said = run(
-        "align", job / "job.yaml", job / "results.json", "--within", "0.001", "-o", job / "moved.yaml"
+        "align",
+        job / "job.yaml",
+        job / "results.json",
+        "--within",
+        "0.001",
+        "-o",
+        job / "moved.yaml",
     )
     assert code == 1
     assert "is known to" in said
@@ -143,7 +157,9 @@ def test_other_files_are_refused(job: Path, name: str, text: str, said: str) -> 
 def test_a_shape_goes_through_points(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     angle = random.uniform(0, 2 * np.pi, 200)
-    place = np.stack([0.02 * np.cos(angle), 0.02 * np.sin(angle), random.uniform(0, 0.05, 200)], axis=1)
+    place = np.stack(
+        [0.02 * np.cos(angle), 0.02 * np.sin(angle), random.uniform(0, 0.05, 200)], axis=1
+    )
     np.save(tmp_path / "bore.npy", place + random.normal(0.0, 5e-5, place.shape))
     code, said = run("fit", "cylinder", tmp_path / "bore.npy")
     assert code == 0
@@ -166,7 +182,9 @@ def test_a_table_without_points_is_refused(tmp_path: Path, text: str) -> None:
 
 
 def test_points_count_what_their_unit_says(tmp_path: Path) -> None:
-    turns, heights = (each.ravel() for each in np.meshgrid(np.linspace(0.0, 6.0, 30), [0.0, 10.0, 20.0]))
+    turns, heights = (
+        each.ravel() for each in np.meshgrid(np.linspace(0.0, 6.0, 30), [0.0, 10.0, 20.0])
+    )
     points = np.stack([20 * np.cos(turns), 20 * np.sin(turns), heights], axis=1)
     rows = "\n".join(",".join(f"{each:.6f}" for each in row) for row in points)
     (tmp_path / "bore.csv").write_text(f"x,y,z\n{rows}\n")

@@ -1,4 +1,6 @@
-"""Every verb answers alike wherever it runs: folders of the user's with the names of our packages change nothing."""
+"""Every verb answers alike wherever it runs: folders of the user's with the names of our
+packages change nothing.
+"""
 
 import json
 import os
@@ -82,7 +84,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def crowded(desk: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same files beside packages that have the names of ours and fail when they are imported."""
+    """The same files beside packages that have the names of ours and fail when they are
+    imported.
+    """
     folder = Path(shutil.copytree(desk, tmp_path_factory.mktemp("desks") / "crowded"))
     for name in OURS:
         _shadow(folder, name)
@@ -91,7 +95,9 @@ def crowded(desk: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _shadow(folder: Path, name: str) -> None:
     (folder / name).mkdir()
-    (folder / name / "__init__.py").write_text(f"raise RuntimeError('this is the {name} of the user')\n")
+    (folder / name / "__init__.py").write_text(
+        f"raise RuntimeError('this is the {name} of the user')\n"
+    )
 
 
 def run(folder: Path, *command: str, said: str = "") -> subprocess.CompletedProcess[str]:
@@ -127,7 +133,9 @@ if __name__ == "__main__":
 
 @pytest.fixture(scope="module")
 def told(crowded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[object]]:
-    """What every verb answers in the crowded folder: in one process, started by a script that lies elsewhere, as ours does."""
+    """What every verb answers in the crowded folder: in one process, started by a script that
+    lies elsewhere, as ours does.
+    """
     every = tmp_path_factory.mktemp("scripts") / "every.py"
     every.write_text(RUN_ALL)
     ran = run(crowded, sys.executable, str(every), said=json.dumps(JOBS | REFUSED))
@@ -137,7 +145,11 @@ def told(crowded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, l
 
 @pytest.mark.parametrize("verb", JOBS | REFUSED)
 def test_packages_of_the_user_with_our_names_change_no_answer(
-    verb: str, told: dict[str, list[object]], desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    verb: str,
+    told: dict[str, list[object]],
+    desk: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(Path(shutil.copytree(desk, tmp_path / "alone")))
     alone = CliRunner().invoke(app, (JOBS | REFUSED)[verb].split(), env={"COLUMNS": "120"})
@@ -145,15 +157,25 @@ def test_packages_of_the_user_with_our_names_change_no_answer(
 
 
 @pytest.mark.parametrize("verb", ["plan", pytest.param("check", marks=pytest.mark.slow)])
-def test_the_installed_script_answers_beside_packages_with_our_names(verb: str, crowded: Path) -> None:
+def test_the_installed_script_answers_beside_packages_with_our_names(
+    verb: str, crowded: Path
+) -> None:
     assert run(crowded, script("cellwright"), *JOBS[verb].split()).returncode == 0
 
 
 @pytest.mark.slow
-def test_a_folder_of_domains_hides_no_bundled_one_even_where_python_looks_in_it_first(tmp_path: Path) -> None:
+def test_a_folder_of_domains_hides_no_bundled_one_even_where_python_looks_in_it_first(
+    tmp_path: Path,
+) -> None:
     _shadow(tmp_path, "domains")
     ran = run(
-        tmp_path, sys.executable, "-m", "cellwright.engine.faces.cli", "export", "pddl", "bulkhead/one_point"
+        tmp_path,
+        sys.executable,
+        "-m",
+        "cellwright.engine.faces.cli",
+        "export",
+        "pddl",
+        "bulkhead/one_point",
     )
     assert ran.returncode == 0, ran.stderr
 

@@ -1,4 +1,6 @@
-"""Help can be read on a terminal of 80 columns: nothing is cut off, and no choice is broken in two."""
+"""Help can be read on a terminal of 80 columns: nothing is cut off, and no choice is broken in
+two.
+"""
 
 import re
 from collections.abc import Iterator
@@ -24,7 +26,8 @@ def told(path: tuple[str, ...]) -> str:
     return result.stdout
 
 
-BROKEN = re.compile(r"<[a-z]+\|[a-z|]*(?<!\|)  +\S.*\n│ +[a-z|]*>")  # a list of choices, cut within a word
+# a list of choices, cut within a word
+BROKEN = re.compile(r"<[a-z]+\|[a-z|]*(?<!\|)  +\S.*\n│ +[a-z|]*>")
 
 
 def fits(path: tuple[str, ...]) -> bool:
@@ -33,7 +36,9 @@ def fits(path: tuple[str, ...]) -> bool:
     return "…" not in said and not broken and all(len(line) <= 80 for line in said.splitlines())
 
 
-@pytest.mark.parametrize("path", ["run", "monitor", "results", "place", "motion plan", "store check"])
+@pytest.mark.parametrize(
+    "path", ["run", "monitor", "results", "place", "motion plan", "store check"]
+)
 def test_nothing_is_cut_off_in_the_help_of_commands_with_long_words(path: str) -> None:
     assert fits(tuple(path.split()))
 

@@ -1,4 +1,6 @@
-"""Options that would change nothing are refused, with the option named: nobody believes that they were heard."""
+"""Options that would change nothing are refused, with the option named: nobody believes that
+they were heard.
+"""
 
 import json
 from pathlib import Path
@@ -21,7 +23,9 @@ def refused(arguments: tuple[str, ...]) -> str:
 @pytest.fixture(scope="module")
 def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("plans") / "plan.json"
-    file.write_text(CliRunner().invoke(app, ["plan", "bulkhead/one_point", "--format", "json"]).stdout)
+    file.write_text(
+        CliRunner().invoke(app, ["plan", "bulkhead/one_point", "--format", "json"]).stdout
+    )
     return file
 
 
@@ -79,7 +83,9 @@ def test_a_shop_has_no_goals_and_a_problem_no_instances(tmp_path: Path) -> None:
     shop.write_text("1 2\n0 3 1 4\n")
     assert CliRunner().invoke(app, ["schedule", str(shop)]).exit_code == 0
     assert "--goals has no effect on a shop" in refused(("schedule", str(shop), "--goals", "x"))
-    assert "--instance has no effect" in refused(("schedule", "bulkhead/one_point", "--instance", "ft06"))
+    assert "--instance has no effect" in refused(
+        ("schedule", "bulkhead/one_point", "--instance", "ft06")
+    )
 
 
 @pytest.mark.parametrize("verb", ["explain", "plan", "check", "export pddl"])

@@ -41,7 +41,9 @@ def test_an_imported_part_is_checked_sequenced_and_planned_from_another_folder(
     elsewhere.mkdir()
     monkeypatch.chdir(BUNDLED.parent)
     domain = str((BUNDLED / "bulkhead").relative_to(BUNDLED.parent))
-    code, _, told = run("import", "qif", str(part), "--output", str(file), "--unit", "mm", "--domain", domain)
+    code, _, told = run(
+        "import", "qif", str(part), "--output", str(file), "--unit", "mm", "--domain", domain
+    )
     assert code == 0
     assert "has no points: a thread needs a gauge" in " ".join(told.split())
     monkeypatch.chdir(elsewhere)
@@ -50,7 +52,9 @@ def test_an_imported_part_is_checked_sequenced_and_planned_from_another_folder(
     code, out, _ = run("plan", str(file), "--format", "json")
     assert code == 0
     steps = [each["operator"] for each in json.loads(out)["data"]["plan"]["steps"]]
-    assert sum(each.startswith("laser_measure(") for each in steps) == file.read_text().count("- measured(")
+    assert sum(each.startswith("laser_measure(") for each in steps) == file.read_text().count(
+        "- measured("
+    )
 
 
 def test_an_imported_table_is_planned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

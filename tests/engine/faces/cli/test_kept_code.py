@@ -35,7 +35,9 @@ def behaviour(kind: type[Any]) -> list[object]:
     for ask in (hash, repr, lambda each: each < other, lambda each: setattr(each, "a", 9)):
         try:
             found.append(
-                str(ask(one)).partition(" object at")[0] if ask is not hash else bool(ask(one)) or True
+                str(ask(one)).partition(" object at")[0]
+                if ask is not hash
+                else bool(ask(one)) or True
             )
         except Exception as error:
             found.append((type(error).__name__, str(error)))
@@ -52,7 +54,8 @@ def test_classes_with_kept_methods_behave_as_those_of_the_standard_library(
         methods = KeptCode(tmp_path / "folder" / "methods")
         monkeypatch.setitem(vars(dataclasses), "exec", methods.run)
         if run == "finds":
-            monkeypatch.setitem(vars(sys.modules[KeptCode.__module__]), "compile", None)  # would fail
+            # would fail
+            monkeypatch.setitem(vars(sys.modules[KeptCode.__module__]), "compile", None)
         assert behaviour(made(settings)) == expected
         methods.keep()
     assert [each.name for each in (tmp_path / "folder").iterdir()] == ["methods"]
@@ -61,7 +64,9 @@ def test_classes_with_kept_methods_behave_as_those_of_the_standard_library(
 @pytest.mark.parametrize(
     "content", [b"", b"no marshal", marshal.dumps(3), marshal.dumps(("another", {"": 1}))]
 )
-def test_a_damaged_file_or_one_of_another_python_counts_for_nothing(tmp_path: Path, content: bytes) -> None:
+def test_a_damaged_file_or_one_of_another_python_counts_for_nothing(
+    tmp_path: Path, content: bytes
+) -> None:
     file = tmp_path / "methods"
     file.write_bytes(content)
     space: dict[str, int] = {}
@@ -121,9 +126,17 @@ def told(made: Any) -> list[object]:
     if isinstance(made.pattern, bytes):
         texts = [each.encode() for each in texts]
     found = [
-        [(each.span(), each.groups(), each.groupdict()) for each in made.finditer(text)] for text in texts
+        [(each.span(), each.groups(), each.groupdict()) for each in made.finditer(text)]
+        for text in texts
     ]
-    return [found, made.flags, made.groups, dict(made.groupindex), repr(made), hash(made) == hash(made)]
+    return [
+        found,
+        made.flags,
+        made.groups,
+        dict(made.groupindex),
+        repr(made),
+        hash(made) == hash(made),
+    ]
 
 
 @pytest.mark.usefixtures("compiler")

@@ -1,4 +1,6 @@
-"""Limits bound whole commands, also where nothing asks whether to stop; Ctrl-C is heard everywhere."""
+"""Limits bound whole commands, also where nothing asks whether to stop; Ctrl-C is heard
+everywhere.
+"""
 
 import json
 import os
@@ -42,19 +44,41 @@ def test_the_time_limit_bounds_every_command(verb: str, cell: Path) -> None:
     after = os.times()
     assert ran.returncode == 23, ran.stderr
     assert "K420" in ran.stderr
-    assert after.children_user - before.children_user < 4  # asked 0.3 s, after the start of the process
+    # asked 0.3 s, after the start of the process
+    assert after.children_user - before.children_user < 4
 
 
 def test_the_end_of_the_time_is_told_as_data(cell: Path) -> None:
-    wanted = [*COMMAND, "plan", str(cell / "problem.yaml"), "--time-limit", "0.3", "--format", "json"]
+    wanted = [
+        *COMMAND,
+        "plan",
+        str(cell / "problem.yaml"),
+        "--time-limit",
+        "0.3",
+        "--format",
+        "json",
+    ]
     ran = subprocess.run(wanted, capture_output=True, text=True, check=False)
     found = json.loads(ran.stdout)
-    assert (ran.returncode, found["status"], found["diagnostics"][0]["code"]) == (23, "stopped", "K420")
+    assert (ran.returncode, found["status"], found["diagnostics"][0]["code"]) == (
+        23,
+        "stopped",
+        "K420",
+    )
 
 
 @pytest.mark.slow
 def test_a_preparation_whose_time_is_over_tells_of_every_problem(tmp_path: Path) -> None:
-    words = ["prepare", "themse", "--jobs", "1", "--store", str(tmp_path / "s.db"), "--format", "json"]
+    words = [
+        "prepare",
+        "themse",
+        "--jobs",
+        "1",
+        "--store",
+        str(tmp_path / "s.db"),
+        "--format",
+        "json",
+    ]
     for seconds in ("1", "2", "4", "8", "16"):  # a busy machine has not begun after few seconds
         ran = subprocess.run(
             [*COMMAND, *words, "--time-limit", seconds], capture_output=True, text=True, check=False
@@ -82,7 +106,15 @@ def test_ctrl_c_ends_a_command_that_grounds(cell: Path) -> None:
 
 def test_a_problem_that_needs_no_grounding_keeps_its_answer(cell: Path) -> None:
     (cell / "rules.lp").write_text("n(1..3).\n")
-    wanted = [*COMMAND, "plan", str(cell / "problem.yaml"), "--time-limit", "60", "--memory-limit", "4000"]
+    wanted = [
+        *COMMAND,
+        "plan",
+        str(cell / "problem.yaml"),
+        "--time-limit",
+        "60",
+        "--memory-limit",
+        "4000",
+    ]
     assert subprocess.run(wanted, capture_output=True, check=False).returncode == 0
 
 
@@ -134,7 +166,9 @@ def test_an_end_that_comes_in_a_callback_is_heard_and_prints_nothing(late: str) 
 
 @pytest.mark.parametrize("work", ["grounding", "themse/four", "bulkhead/three_stations"])
 def test_the_memory_limit_is_kept_and_told(work: str, cell: Path) -> None:
-    """Resident memory is what counts; linear algebra reserves more, and must not end the process by itself."""
+    """Resident memory is what counts; linear algebra reserves more, and must not end the
+    process by itself.
+    """
     motion = ["motion", "play", work, "--output", str(cell / "film.gltf")]
     words = ["plan", str(cell / "problem.yaml")] if work == "grounding" else motion
     ran = subprocess.run(
@@ -169,7 +203,9 @@ try:
 except Exception as end:
     raise SystemExit(end.exit_code)
 """
-    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    ran = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
     assert (ran.returncode, "interrupted" in ran.stderr) == (130, True), ran.stderr
 
 
@@ -178,7 +214,8 @@ def test_a_command_ends_at_once_and_leaves_its_library_closed(tmp_path: Path) ->
     words = ["plan", "themse/one", "--store", str(store)]
     ran = subprocess.run([*COMMAND, *words], capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
-    assert [each.name for each in tmp_path.iterdir()] == ["library.db"]  # no log of changes beside it
+    # no log of changes beside it
+    assert [each.name for each in tmp_path.iterdir()] == ["library.db"]
 
 
 LEFT_AT_WORK = """
@@ -192,5 +229,7 @@ print("it waits")
 
 @pytest.mark.parametrize(("code", "said"), [(0, "it waits\n"), (23, ""), (130, "")])
 def test_what_a_limit_ended_does_not_wait_for_the_threads_of_a_solver(code: int, said: str) -> None:
-    told = subprocess.run([sys.executable, "-c", LEFT_AT_WORK, str(code)], capture_output=True, text=True)
+    told = subprocess.run(
+        [sys.executable, "-c", LEFT_AT_WORK, str(code)], capture_output=True, text=True
+    )
     assert (told.returncode, told.stdout, told.stderr) == (code, said, "")

@@ -40,7 +40,9 @@ def source(*arguments: str) -> tuple[str, int | None]:
 def test_a_plan_is_learned_and_then_looked_up_for_another_point(store: str) -> None:
     assert source("bulkhead/one_point", "--store", store) == ("planner", 1)
     other = ("--goals", "measured(us_probe, t3_746, meas(m1))", "--store", store)
-    assert source("bulkhead/one_point", "--goals", "measured(_, _, meas(m2))", "--store", store) == (
+    assert source(
+        "bulkhead/one_point", "--goals", "measured(_, _, meas(m2))", "--store", store
+    ) == (
         "library",
         1,
     )
@@ -62,10 +64,14 @@ def test_without_a_library_nothing_is_said_of_one() -> None:
     assert set(found) == {"plan", "makespan"}
 
 
-def test_a_plan_from_the_library_passes_through_a_file_to_the_checker(store: str, tmp_path: Path) -> None:
+def test_a_plan_from_the_library_passes_through_a_file_to_the_checker(
+    store: str, tmp_path: Path
+) -> None:
     answer("plan", "bulkhead/one_point", "--store", store)
     file = tmp_path / "plan.json"
-    file.write_text(run(app, ["plan", "bulkhead/one_point", "--store", store, "--format", "json"]).stdout)
+    file.write_text(
+        run(app, ["plan", "bulkhead/one_point", "--store", store, "--format", "json"]).stdout
+    )
     assert json.loads(file.read_text())["data"]["source"]["origin"] == "library"
     assert run(app, ["validate", str(file)]).exit_code == 0
     other = str(tmp_path / "other.db")
@@ -101,10 +107,18 @@ def test_a_library_goes_through_a_file_into_another(store: str, tmp_path: Path) 
 
 def test_what_is_no_file_of_macrops_is_refused(store: str, tmp_path: Path) -> None:
     file = tmp_path / "x.json"
-    for text in ("", "{}", "[1]", '{"version": 7, "macrops": []}', '{"version": 1, "macrops": [{}]}'):
+    for text in (
+        "",
+        "{}",
+        "[1]",
+        '{"version": 7, "macrops": []}',
+        '{"version": 1, "macrops": [{}]}',
+    ):
         file.write_text(text)
         assert run(app, ["macros", "import", str(file), "--store", store]).exit_code == 2
-    assert run(app, ["macros", "import", str(tmp_path / "none.json"), "--store", store]).exit_code == 2
+    assert (
+        run(app, ["macros", "import", str(tmp_path / "none.json"), "--store", store]).exit_code == 2
+    )
 
 
 def test_forgetting_by_number(store: str) -> None:
@@ -132,7 +146,9 @@ def test_an_edited_domain_makes_exactly_its_macrops_stale(store: str, tmp_path: 
     assert stale
     code, again = answer("prepare", other, "--store", store, "--jobs", "1")
     assert (code, sorted(map(int, again["stale"]))) == (0, stale)
-    assert {each["origin"] for each in again["problems"] if each["status"] == "found"} == {"planner"}
+    assert {each["origin"] for each in again["problems"] if each["status"] == "found"} == {
+        "planner"
+    }
     assert source("bulkhead/one_point", "--store", store)[0] == "library"
 
 
@@ -142,9 +158,9 @@ def test_what_was_prepared_is_looked_up(store: str, tmp_path: Path) -> None:
     origins = [
         {
             each["origin"]
-            for each in answer("prepare", str(tmp_path / "mine"), "--store", store, "--jobs", jobs)[1][
-                "problems"
-            ]
+            for each in answer("prepare", str(tmp_path / "mine"), "--store", store, "--jobs", jobs)[
+                1
+            ]["problems"]
         }
         for jobs in ("2", "1")
     ]
@@ -164,7 +180,9 @@ def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
         "two_contacts": "infeasible",
     }
     code, second = answer("prepare", "bulkhead", "--store", store, "--jobs", "1")
-    assert {each["origin"] for each in second["problems"] if each["status"] == "found"} == {"library"}
+    assert {each["origin"] for each in second["problems"] if each["status"] == "found"} == {
+        "library"
+    }
     assert source("bulkhead/one_point", "--store", store)[0] == "library"
     assert source("bulkhead/twelve_points", "--store", store)[0] == "sequence"
     assert source("bulkhead/twelve_points", "--store", store, "--order", "free")[0] == "library"
@@ -176,7 +194,9 @@ def test_measurements_that_are_too_many_to_be_planned_at_once_are_prepared_one_a
 ) -> None:
     monkeypatch.setattr("cellwright.engine.pipelines.precompute.problem_preparation.LARGE", 100)
     problem = BULKHEAD / "problems" / "twelve_points.yaml"
-    made = prepare_problem(PreparationJob(problem, store, 100_000, 0, content_digest(problem)), lambda: False)
+    made = prepare_problem(
+        PreparationJob(problem, store, 100_000, 0, content_digest(problem)), lambda: False
+    )
     assert isinstance(made, DraftedResult)
     found = made.settled()
     assert (found.status, found.origin) == ("found", "sequence")
@@ -204,7 +224,10 @@ def test_preparing_keeps_sequences_and_says_which_were_stale(store: str, tmp_pat
 
 def test_problems_without_tools_to_choose_have_no_sequence(store: str) -> None:
     assert (
-        answer("prepare", "themse/one", "--store", store, "--jobs", "1")[1]["problems"][0]["sequence"] is None
+        answer("prepare", "themse/one", "--store", store, "--jobs", "1")[1]["problems"][0][
+            "sequence"
+        ]
+        is None
     )
 
 

@@ -47,17 +47,24 @@ def run(*arguments: str, **how: Any) -> subprocess.CompletedProcess[bytes]:
         (("validate", "a", "b", "c"), "--pddl"),
         (("validate", "themse/one", "plan.json"), "the plan's file alone"),
         (("macros", "show", "9" * 30, "--store", "a.db"), "range"),
-        (("measurement", "add", "a", "m", "--at", "1", "2", "3", "--normal", "0", "0", "0"), "normal"),
+        (
+            ("measurement", "add", "a", "m", "--at", "1", "2", "3", "--normal", "0", "0", "0"),
+            "normal",
+        ),
         (("plan", "bulkhead/one_point", "--store", "postgresql://"), "user"),
         (("nosuch",), "nosuch"),
     ],
 )
-def test_a_wrong_command_line_is_told_to_programs_as_data(arguments: tuple[str, ...], said: str) -> None:
+def test_a_wrong_command_line_is_told_to_programs_as_data(
+    arguments: tuple[str, ...], said: str
+) -> None:
     assert said in refused(*arguments)
 
 
 @pytest.mark.parametrize(("text", "said"), [("", "the file is empty"), ("{", "not JSON")])
-def test_a_plan_file_without_a_plan_is_not_taken_for_a_domain(tmp_path: Path, text: str, said: str) -> None:
+def test_a_plan_file_without_a_plan_is_not_taken_for_a_domain(
+    tmp_path: Path, text: str, said: str
+) -> None:
     (tmp_path / "plan.json").write_text(text)
     result = CliRunner().invoke(app, ["validate", str(tmp_path / "plan.json")])
     assert result.exit_code == 2
@@ -86,10 +93,14 @@ def test_a_store_that_is_no_database_is_bad_input(tmp_path: Path, command: tuple
         assert "cannot be used as a library" in refused(*command, "--store", str(store))
 
 
-@pytest.mark.parametrize(("done", "said"), [("1..99999999999", "no step 6"), ("5..1", "ends before")])
+@pytest.mark.parametrize(
+    ("done", "said"), [("1..99999999999", "no step 6"), ("5..1", "ends before")]
+)
 def test_steps_that_no_plan_has_are_refused_at_once(tmp_path: Path, done: str, said: str) -> None:
     file = tmp_path / "plan.json"
-    file.write_text(CliRunner().invoke(app, ["plan", "bulkhead/one_point", "--format", "json"]).stdout)
+    file.write_text(
+        CliRunner().invoke(app, ["plan", "bulkhead/one_point", "--format", "json"]).stdout
+    )
     assert said in refused("revise", str(file), "--done", done)
 
 
@@ -102,7 +113,13 @@ def test_more_memory_than_there_can_be_is_no_limit() -> None:
 def test_no_answer_fails_for_its_characters(encoding: str) -> None:
     shown = run("schedule", "bulkhead/one_point", env={**os.environ, "PYTHONIOENCODING": encoding})
     assert (shown.returncode, shown.stderr) == (0, b"")
-    told = run("plan", "zellenprüfung", "--format", "json", env={**os.environ, "PYTHONIOENCODING": encoding})
+    told = run(
+        "plan",
+        "zellenprüfung",
+        "--format",
+        "json",
+        env={**os.environ, "PYTHONIOENCODING": encoding},
+    )
     assert json.loads(told.stdout.decode("utf-8"))["diagnostics"][0]["file"] == "zellenprüfung"
 
 
@@ -111,11 +128,16 @@ def test_no_answer_fails_for_its_characters(encoding: str) -> None:
 def test_closed_streams_change_no_exit_code(target: str, code: int) -> None:
     words = " ".join((*COMMAND, "plan", target))
     for closed in ("<&-", ">&-", "2>&-", ">&- 2>&-"):
-        assert subprocess.run(["sh", "-c", f"{words} {closed}"], capture_output=True).returncode == code
+        assert (
+            subprocess.run(["sh", "-c", f"{words} {closed}"], capture_output=True).returncode
+            == code
+        )
 
 
 @needs_full
-@pytest.mark.parametrize("arguments", [("plan", "bulkhead/one_point"), ("--help",), ("plan", "--help")])
+@pytest.mark.parametrize(
+    "arguments", [("plan", "bulkhead/one_point"), ("--help",), ("plan", "--help")]
+)
 def test_a_full_disk_is_said_without_a_traceback(arguments: tuple[str, ...]) -> None:
     with FULL.open("wb") as full:
         result = run(*arguments, capture_output=False, stdout=full, stderr=subprocess.PIPE)
@@ -151,7 +173,16 @@ def test_who_cannot_be_told_of_progress_gets_the_answer(arguments: tuple[str, ..
 def test_a_signal_ends_the_search_with_the_best_plan_so_far(
     sent: signal.Signals, options: tuple[str, ...]
 ) -> None:
-    arguments = ("plan", "themse/four", "--anytime", *options, "--time-limit", "60", "--format", "json")
+    arguments = (
+        "plan",
+        "themse/four",
+        "--anytime",
+        *options,
+        "--time-limit",
+        "60",
+        "--format",
+        "json",
+    )
     with _started(*arguments) as process:
         process.send_signal(sent)
         told, _ = process.communicate(timeout=20)
@@ -171,9 +202,24 @@ def test_strategies_do_not_outlive_the_race() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("presses", [1, 2])
 def test_ctrl_c_at_a_terminal_ends_a_preparation_quietly(tmp_path: Path, presses: int) -> None:
-    """A terminal sends Ctrl-C to the whole group of processes, while those that plan are still starting, too."""
-    words = ("prepare", "themse", "--store", str(tmp_path / "store.db"), "--jobs", "2", "--format", "json")
-    how: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "start_new_session": True}
+    """A terminal sends Ctrl-C to the whole group of processes, while those that plan are still
+    starting, too.
+    """
+    words = (
+        "prepare",
+        "themse",
+        "--store",
+        str(tmp_path / "store.db"),
+        "--jobs",
+        "2",
+        "--format",
+        "json",
+    )
+    how: dict[str, Any] = {
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "start_new_session": True,
+    }
     with subprocess.Popen([*COMMAND, *words], **how) as process:
         while not (tmp_path / "store.db").exists():
             time.sleep(0.01)
@@ -182,18 +228,32 @@ def test_ctrl_c_at_a_terminal_ends_a_preparation_quietly(tmp_path: Path, presses
             os.killpg(process.pid, signal.SIGINT)
         told, said = process.communicate(timeout=60)
     assert (process.returncode, said) == (130, b"")
-    ends = {"incomplete"} if presses == 1 else {"incomplete", "interrupted"}  # it may end before the second
+    # it may end before the second
+    ends = {"incomplete"} if presses == 1 else {"incomplete", "interrupted"}
     assert json.loads(told)["status"] in ends
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("jobs", "after"), [("1", 0.0), ("1", 0.2), ("1", 0.6), ("2", 0.0), ("2", 0.6)])
+@pytest.mark.parametrize(
+    ("jobs", "after"), [("1", 0.0), ("1", 0.2), ("1", 0.6), ("2", 0.0), ("2", 0.6)]
+)
 def test_at_the_first_ctrl_c_a_preparation_tells_of_every_problem(
     tmp_path: Path, jobs: str, after: float
 ) -> None:
     """Also while it still reads the first problem, where no search hears it."""
-    words = ("prepare", "themse", "--store", str(tmp_path / "store.db"), "--jobs", jobs, "--format", "json")
-    with subprocess.Popen([*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    words = (
+        "prepare",
+        "themse",
+        "--store",
+        str(tmp_path / "store.db"),
+        "--jobs",
+        jobs,
+        "--format",
+        "json",
+    )
+    with subprocess.Popen(
+        [*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
         while not (tmp_path / "store.db").exists():
             time.sleep(0.01)
         time.sleep(after)
@@ -207,20 +267,25 @@ def test_at_the_first_ctrl_c_a_preparation_tells_of_every_problem(
 
 def _started(*arguments: str) -> subprocess.Popen[bytes]:
     """A search that has told of its first plan."""
-    process = subprocess.Popen([*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process = subprocess.Popen(
+        [*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
     assert process.stderr is not None
     assert b"steps" in process.stderr.readline()
     return process
 
 
 @pytest.mark.parametrize("arguments", [("--help",), ("plan", "themse/four"), ("check", "bulkhead")])
-def test_ctrl_c_while_modules_are_loaded_ends_the_process_without_a_word(arguments: tuple[str, ...]) -> None:
+def test_ctrl_c_while_modules_are_loaded_ends_the_process_without_a_word(
+    arguments: tuple[str, ...],
+) -> None:
     """Interrupted at the import of the module that everything is loaded by."""
     code = (
         "import os, signal, sys\n"
         "class Interrupting:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'cellwright.engine.faces.cli.invocation': os.kill(os.getpid(), signal.SIGINT)\n"
+        "        if name == 'cellwright.engine.faces.cli.invocation': os.kill(os.getpid(), "
+        "signal.SIGINT)\n"
         "sys.meta_path.insert(0, Interrupting())\n"
         "from cellwright.engine.faces.cli import main\n"
         "main()\n"
@@ -231,7 +296,9 @@ def test_ctrl_c_while_modules_are_loaded_ends_the_process_without_a_word(argumen
     assert (result.returncode, result.stdout, result.stderr) == (-signal.SIGINT, b"", b"")
 
 
-@pytest.mark.parametrize("verb", [("macros", "import", "FILE"), ("diagnose", "bulkhead", "--import", "FILE")])
+@pytest.mark.parametrize(
+    "verb", [("macros", "import", "FILE"), ("diagnose", "bulkhead", "--import", "FILE")]
+)
 def test_a_file_nested_without_end_is_bad_input(tmp_path: Path, verb: tuple[str, ...]) -> None:
     file = tmp_path / "deep.json"
     file.write_text("[" * 100_000)
@@ -247,7 +314,9 @@ def test_a_file_nested_without_end_is_bad_input(tmp_path: Path, verb: tuple[str,
         (("themse/unsolvable",), 10),
     ],
 )
-def test_a_run_that_never_began_is_not_listed(tmp_path: Path, asked: tuple[str, ...], code: int) -> None:
+def test_a_run_that_never_began_is_not_listed(
+    tmp_path: Path, asked: tuple[str, ...], code: int
+) -> None:
     store = ("--store", str(tmp_path / "runs.db"))
     assert CliRunner().invoke(app, ["run", *asked, *store]).exit_code == code
     assert "no runs" in CliRunner().invoke(app, ["results", *store]).stdout

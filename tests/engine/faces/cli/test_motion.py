@@ -80,7 +80,10 @@ def test_a_motion_in_a_cell_imports_no_solver_and_reads_no_domain() -> None:
     code += "from cellwright.engine.faces.cli.typer_application import app\n"
     code += "try: app()\n"
     code += "except SystemExit: pass\n"
-    code += "print([name for name in ('clingo', 'cellwright.kb.loader.domain_file', 'numpy.ma', 'networkx') if name in sys.modules])"
+    code += (
+        "print([name for name in ('clingo', 'cellwright.kb.loader.domain_file', 'numpy.ma', "
+        "'networkx') if name in sys.modules])"
+    )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.splitlines()[-1] == "[]"
 
@@ -89,7 +92,10 @@ def test_a_scene_in_which_nothing_moves_has_no_animation() -> None:
     """Times of an animation must increase."""
     scenes = [
         json.loads(
-            run(app, ["motion", "plan", "handey", "--from", "home", "--to", goal, "--format", "gltf"]).stdout
+            run(
+                app,
+                ["motion", "plan", "handey", "--from", "home", "--to", goal, "--format", "gltf"],
+            ).stdout
         )
         for goal in ("home", "0, -80, 90, -90, -90, 0")
     ]

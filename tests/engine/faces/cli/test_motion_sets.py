@@ -33,7 +33,9 @@ def test_a_picture_is_a_png(tmp_path: Path) -> None:
     assert run(app, [*WAY, "--format", "png"]).exit_code == 2
 
 
-def test_a_saved_set_is_replayed_with_the_same_answers_and_a_changed_one_is_told(tmp_path: Path) -> None:
+def test_a_saved_set_is_replayed_with_the_same_answers_and_a_changed_one_is_told(
+    tmp_path: Path,
+) -> None:
     drawn, answered = tmp_path / "set.json", tmp_path / "answered.json"
     words = ["motion", "problems", "bulkhead", "--count", "2", "--seed", "3"]
     assert run(app, [*words, "-o", str(drawn)]).exit_code == 0
@@ -51,7 +53,9 @@ def test_a_saved_set_is_replayed_with_the_same_answers_and_a_changed_one_is_told
     assert "1 of 2 as saved" in changed.stdout
 
 
-@pytest.mark.parametrize("text", ["[]", "{", '{"problems": []}', '{"problems": [{"from": "home"}]}'])
+@pytest.mark.parametrize(
+    "text", ["[]", "{", '{"problems": []}', '{"problems": [{"from": "home"}]}']
+)
 def test_what_is_no_set_of_problems_is_refused(tmp_path: Path, text: str) -> None:
     file = tmp_path / "set.json"
     file.write_text(text, encoding="utf-8")

@@ -35,7 +35,9 @@ def test_the_file_has_what_the_format_prints_and_the_terminal_the_text(
 
 def test_a_format_wins_over_the_ending(tmp_path: Path) -> None:
     file = tmp_path / "plan.txt"
-    assert run(app, ["plan", "bulkhead/one_point", "-o", str(file), "--format", "json"]).exit_code == 0
+    assert (
+        run(app, ["plan", "bulkhead/one_point", "-o", str(file), "--format", "json"]).exit_code == 0
+    )
     assert json.loads(file.read_text("utf-8"))["status"] == "optimal"
 
 
@@ -73,7 +75,9 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
 
 def test_a_plan_file_of_a_pddl_task_says_how_to_check_it(tmp_path: Path) -> None:
     domain, task, file = (tmp_path / name for name in ("domain.pddl", "task.pddl", "plan.json"))
-    domain.write_text("(define (domain d) (:predicates (p)) (:action a :parameters () :effect (p)))", "utf-8")
+    domain.write_text(
+        "(define (domain d) (:predicates (p)) (:action a :parameters () :effect (p)))", "utf-8"
+    )
     task.write_text("(define (problem t) (:domain d) (:init) (:goal (p)))", "utf-8")
     assert run(app, ["plan", "--pddl", str(domain), str(task), "-o", str(file)]).exit_code == 0
     result = run(app, ["validate", str(file)])

@@ -51,7 +51,9 @@ MISTAKES = (
 def taken(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, list[str]], dict[str, Any] | None]:
     """What typer takes from a command line; None if it refuses it or prints help."""
     calls: list[dict[str, Any]] = []
-    monkeypatch.setattr(verb_table, "run_limited", lambda _verb, _name, options: calls.append(dict(options)))
+    monkeypatch.setattr(
+        verb_table, "run_limited", lambda _verb, _name, options: calls.append(dict(options))
+    )
 
     def read_by_typer(name: str, words: list[str]) -> dict[str, Any] | None:
         calls.clear()
@@ -93,7 +95,10 @@ def _line(chosen: random.Random, wanted: Mapping[str, Any]) -> list[str]:
     for place in map(_Place, wanted.values()):
         if place.declared.kind == "Argument":
             if place.required or chosen.random() < 0.4:
-                parts += [[_text(chosen, place)] for _ in range(chosen.choice((1, 2)) if place.many else 1)]
+                parts += [
+                    [_text(chosen, place)]
+                    for _ in range(chosen.choice((1, 2)) if place.many else 1)
+                ]
         elif (place.required or chosen.random() < 0.15) and (names := list(place.names())):
             given = [] if place.is_switch() else [_text(chosen, place)]
             parts += [[chosen.choice(names), *given]] * (chosen.choice((1, 2)) if place.many else 1)
@@ -111,7 +116,9 @@ def _text(chosen: random.Random, place: _Place) -> str:
     if place.kind in (int, float):
         low, high = place.declared.settings.get("min", 0), place.declared.settings.get("max", 99)
         return str(
-            chosen.choice((low, high, (low + high) // 2, (low + high) / 2 if place.kind is float else high))
+            chosen.choice(
+                (low, high, (low + high) // 2, (low + high) / 2 if place.kind is float else high)
+            )
         )
     return chosen.choice(("x", "themse/one", "stored(1)", "a b"))
 
@@ -135,7 +142,9 @@ def test_what_is_not_plain_is_left_to_typer(line: str) -> None:
     assert plain_call(line.split()) is None
 
 
-def test_an_option_that_the_environment_sets_is_left_to_typer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_option_that_the_environment_sets_is_left_to_typer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     assert plain_call(["plan", "themse/one"]) is not None
     monkeypatch.setenv("CELLWRIGHT_STORE", "library.db")
     assert plain_call(["plan", "themse/one"]) is None

@@ -1,4 +1,6 @@
-"""`cellwright measurement image` and `dimensions`: an image is made, read and measured; what cannot be is refused with advice."""
+"""`cellwright measurement image` and `dimensions`: an image is made, read and measured; what
+cannot be is refused with advice.
+"""
 
 import json
 from dataclasses import replace
@@ -32,7 +34,9 @@ def test_the_image_that_a_tool_took_is_resolved_and_measured(tmp_path: Path) -> 
     assert (code, again["off"], again["sigma"]) == (0, first["off"], first["sigma"])
     assert abs(abs(again["off"]) - 0.4e-3) < 4 * again["sigma"]
     assert not read_ranges(Path(whole)).wrapped
-    code, said = told("image", "bulkhead/twelve_points", "m4", "--from", str(depth_of(whole, tmp_path)))
+    code, said = told(
+        "image", "bulkhead/twelve_points", "m4", "--from", str(depth_of(whole, tmp_path))
+    )
     assert code == 0, said
     assert "strengths are not known" in said
     other = read_ranges(Path(whole))
@@ -51,9 +55,14 @@ def depth_of(file: str, folder: Path) -> Path:
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [(("--from", "a.npz", "--displaced", "1", "2", "3"), "--displaced"), (("--wrapped",), "--wrapped")],
+    [
+        (("--from", "a.npz", "--displaced", "1", "2", "3"), "--displaced"),
+        (("--wrapped",), "--wrapped"),
+    ],
 )
-def test_options_of_images_that_contradict_each_other_are_a_misuse(words: tuple[str, ...], said: str) -> None:
+def test_options_of_images_that_contradict_each_other_are_a_misuse(
+    words: tuple[str, ...], said: str
+) -> None:
     code, output = told("image", "bulkhead/twelve_points", "m4", *words)
     assert code == exit_codes.BAD_INPUT
     assert said in output
@@ -62,7 +71,9 @@ def test_options_of_images_that_contradict_each_other_are_a_misuse(words: tuple[
 @pytest.mark.slow
 def test_the_parts_that_are_seen_are_told_with_their_places_and_symmetries(tmp_path: Path) -> None:
     picture = tmp_path / "seen.png"
-    code, said = told("recognise", "--scene", "handey", "--picture", str(picture), "--format", "json")
+    code, said = told(
+        "recognise", "--scene", "handey", "--picture", str(picture), "--format", "json"
+    )
     found = json.loads(said)["data"]
     parts = {each["part"]: each for each in found["parts"]}
     assert (code, {name: len(each["equivalent"]) for name, each in parts.items()}) == (
@@ -101,7 +112,9 @@ def test_an_image_that_was_written_is_measured(tmp_path: Path) -> None:
     assert (code, json.loads(said)["status"]) == (0, "found"), said
     left, top, right, bottom = surface["patch"]
     patch = f"face=plane:{left},{top},{right},{bottom}"
-    code, said = told("dimensions", file, "--patch", patch, "--picture", str(picture), "--format", "json")
+    code, said = told(
+        "dimensions", file, "--patch", patch, "--picture", str(picture), "--format", "json"
+    )
     assert (code, json.loads(said)["status"]) == (0, "ok"), said
     assert list(json.loads(said)["data"]["fits"]) == ["face"]
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -111,7 +124,11 @@ def test_an_image_that_was_written_is_measured(tmp_path: Path) -> None:
     ("target", "name", "said"),
     [
         ("gauging/wall", "p1", "p1 is taken with probe, which is no laser ranging tool"),
-        ("bulkhead/twelve_points", "m99", "twelve_points.yaml: error K101: unknown measurement 'm99'"),
+        (
+            "bulkhead/twelve_points",
+            "m99",
+            "twelve_points.yaml: error K101: unknown measurement 'm99'",
+        ),
     ],
 )
 def test_no_image_is_made_of_what_no_ranging_tool_takes(target: str, name: str, said: str) -> None:

@@ -14,10 +14,14 @@ from tests.refusals import REFUSALS
 LINES = [(code, line) for code, lines in REFUSALS.items() for line in lines]
 SHOP = {"duration_matrix": [[1]], "machines_matrix": [[0]]}
 INLINE = (
-    "problem: inline\ndomain: bulkhead\nobjects:\n  measurement: [m1]\nstatics:\n  - needs(m1, profile)\n"
+    "problem: inline\ndomain: bulkhead\nobjects:\n  measurement: [m1]\nstatics:\n  - needs(m1, "
+    "profile)\n"
     "initial:\n  - at(t3_746, approach_point(meas(m1)))\n"
 )
-BARE = "domain: bare\ntypes: {lamp: object}\nfluents:\n  lit(lamp): {}\noperators:\n  light(Lamp): {adds: lit(Lamp)}\n"
+BARE = (
+    "domain: bare\ntypes: {lamp: object}\nfluents:\n  lit(lamp): {}\noperators:\n  light(Lamp): "
+    "{adds: lit(Lamp)}\n"
+)
 DARK = "problem: dark\ndomain: bare\nobjects: {lamp: [left]}\ngoals: [lit(left)]\n"
 
 
@@ -26,7 +30,9 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """The files that the command lines name."""
     top = tmp_path_factory.mktemp("refusals")
     files = {
-        "plan.json": CliRunner().invoke(app, ["plan", "bulkhead/one_point", "--format", "json"]).stdout,
+        "plan.json": CliRunner()
+        .invoke(app, ["plan", "bulkhead/one_point", "--format", "json"])
+        .stdout,
         "other.json": "[1, 2]",
         "shops.json": json.dumps({"a": SHOP, "b": SHOP}),
         "points.csv": "name,x,y,z,nx,ny,nz\nm1,0,0,0,0,0,1\n",

@@ -39,10 +39,15 @@ def test_the_answer_says_what_was_kept_and_added(plan: str, tmp_path: Path) -> N
 
 
 def test_as_expected_the_rest_goes_on(plan: str) -> None:
-    found = json.loads(run(app, ["revise", plan, "--done", "1, 2", "--format", "json"]).stdout)["data"][
-        "revision"
-    ]
-    assert (found["way"], found["added"], found["dropped"], len(found["kept"])) == ("continued", [], [], 3)
+    found = json.loads(run(app, ["revise", plan, "--done", "1, 2", "--format", "json"]).stdout)[
+        "data"
+    ]["revision"]
+    assert (found["way"], found["added"], found["dropped"], len(found["kept"])) == (
+        "continued",
+        [],
+        [],
+        3,
+    )
 
 
 @pytest.mark.parametrize(
@@ -84,7 +89,8 @@ def test_a_place_can_be_lost_by_its_term(said_plan: str, lost: str) -> None:
 def test_a_plan_of_a_sentence_is_diagnosed_beside_its_domain(said_plan: str) -> None:
     case = ["--exception", "grip_failed", "--step", "pick(lid, rim)", "--hidden", "gripper_worn"]
     result = run(
-        app, ["diagnose", "themse", "--plan", said_plan, *case, "--recover", "--objective", "repair"]
+        app,
+        ["diagnose", "themse", "--plan", said_plan, *case, "--recover", "--objective", "repair"],
     )
     assert result.exit_code == 0, result.output
     assert "the failed plan is continued" in result.stdout

@@ -20,7 +20,8 @@ RING = "\n".join(
 def ring(tmp_path: Path) -> str:
     file = tmp_path / "ring.tsp"
     file.write_text(
-        f"NAME: ring\nTYPE: TSP\nDIMENSION: 12\nEDGE_WEIGHT_TYPE: EUC_2D\nNODE_COORD_SECTION\n{RING}\nEOF\n"
+        "NAME: ring\nTYPE: TSP\nDIMENSION: 12\nEDGE_WEIGHT_TYPE: "
+        f"EUC_2D\nNODE_COORD_SECTION\n{RING}\nEOF\n"
     )
     return str(file)
 

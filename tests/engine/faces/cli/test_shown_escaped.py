@@ -1,4 +1,6 @@
-"""Nothing that a file says commands the terminal: control characters are shown, in text, JSON, pictures and messages."""
+"""Nothing that a file says commands the terminal: control characters are shown, in text, JSON,
+pictures and messages.
+"""
 
 import io
 import json

@@ -21,7 +21,8 @@ def test_a_plain_plan_loads_nothing_of_other_commands(tmp_path: Path, strategy: 
     problem.write_text(PROBLEM)
     loaded = loaded_by("plan", "--pddl", str(domain), str(problem), "--strategy", strategy)
     assert (
-        loaded & {*HEAVY, "lark", "pydantic", "yaml", "cellwright.engine.formats.report.plans.gantt_chart"}
+        loaded
+        & {*HEAVY, "lark", "pydantic", "yaml", "cellwright.engine.formats.report.plans.gantt_chart"}
         == set()
     )
 
@@ -35,7 +36,9 @@ def loaded_by(*command: str) -> set[str]:
     """The modules that a command in a process of its own has loaded when it ends."""
     code = "import atexit, sys; from cellwright.engine.faces.cli import main"
     code += "; atexit.register(lambda: print(*sys.modules, file=sys.stderr)); main()"
-    ran = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True)
+    ran = subprocess.run(
+        [sys.executable, "-c", code, *command], capture_output=True, text=True, check=True
+    )
     return set(ran.stderr.split())
 
 
@@ -66,11 +69,22 @@ def test_what_ends_at_once_has_written_its_answer_and_keeps_its_exit_code(
     [
         ("pass", 3, ""),
         ("import atexit; atexit.register(print, 'cleaned up')", 3, "cleaned up"),
-        ("import threading; threading.Timer(0.2, print, ['thread']).start()", 0, "came back thread"),
+        (
+            "import threading; threading.Timer(0.2, print, ['thread']).start()",
+            0,
+            "came back thread",
+        ),
     ],
 )
 def test_what_is_open_is_closed_before_the_end(before: str, code: int, said: str) -> None:
-    """`leave` comes back only if threads run, so that the interpreter ends as usual; otherwise nothing after it runs."""
-    script = f"import sys; from cellwright.engine.faces.cli.output.answer_output import leave_process; {before}; leave_process(3); print('came back')"
-    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    """`leave` comes back only if threads run, so that the interpreter ends as usual; otherwise
+    nothing after it runs.
+    """
+    script = (
+        "import sys; from cellwright.engine.faces.cli.output.answer_output import "
+        f"leave_process; {before}; leave_process(3); print('came back')"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
     assert (ran.returncode, " ".join(ran.stdout.split())) == (code, said)

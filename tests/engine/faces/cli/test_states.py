@@ -38,7 +38,11 @@ def test_the_net_as_data() -> None:
     result = run(SATELLITE, "--format", "json")
     found = json.loads(result.stdout)
     assert found["status"] == "ok"
-    assert (len(found["data"]["places"]), found["data"]["states"], found["data"]["exact"]) == (11, 112, True)
+    assert (len(found["data"]["places"]), found["data"]["states"], found["data"]["exact"]) == (
+        11,
+        112,
+        True,
+    )
     assert {each["filter"] for each in found["data"]["removed"]} == {"templates"}
     assert [each["exits"] for each in found["data"]["regions"]] == [1, 1, 1, 0]
 
@@ -105,7 +109,9 @@ def test_the_graph_for_graphviz() -> None:
 
 
 def test_a_sequence_to_a_contact_state() -> None:
-    result = run(SATELLITE, "--goal", "module:module_2.latch:latch - bus:bus.bay:bay_1", "--format", "json")
+    result = run(
+        SATELLITE, "--goal", "module:module_2.latch:latch - bus:bus.bay:bay_1", "--format", "json"
+    )
     found = json.loads(result.stdout)["data"]["sequence"]
     assert [each.partition(":")[0] for each in found][-1] == "snap_in_module_bus"
     assert len(found) == 6

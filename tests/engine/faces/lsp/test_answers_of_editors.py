@@ -1,4 +1,6 @@
-"""What the server answers from the texts alone: without a process, as it does it after each edit."""
+"""What the server answers from the texts alone: without a process, as it does it after each
+edit.
+"""
 
 import random
 import shutil
@@ -34,7 +36,9 @@ def test_a_place_is_the_same_after_it_was_a_position(text: str, place: int) -> N
 
 
 @given(TEXTS, TEXTS, st.integers(0, 60), st.integers(0, 60))
-def test_a_change_is_made_where_the_editor_means_it(text: str, new: str, one: int, other: int) -> None:
+def test_a_change_is_made_where_the_editor_means_it(
+    text: str, new: str, one: int, other: int
+) -> None:
     start, end = sorted((min(one, len(text)), min(other, len(text))))
     lines = TextLines(text)
     if "\r\n" in (text[start - 1 : start + 1], text[end - 1 : end + 1]):
@@ -77,8 +81,17 @@ def answer(desk: OpenFiles, method: str, uri: str, line: int, column: int) -> An
         return str(refused)
 
 
-PIECES = ["at(", "Item", ", ", "\n", "  - ", "{", "}", "[", '"', ":", "not ", "#", "é", "𝛼", "\t", "pick", "  x: y\n", "a..b", "%*"]  # fmt: skip
-FILES = ("domain.yaml", "rules.lp", "problems/two.yaml", "faults.yaml", "cell.yaml", "contacts.yaml")
+PIECES = ["at(", "Item", ", ", "\n", "  "
+"- ", "{", "}", "[", '"', ":", "not ", "#", "é", "𝛼", "\t", "pick", "  x: "
+"y\n", "a..b", "%*"]  # fmt: skip
+FILES = (
+    "domain.yaml",
+    "rules.lp",
+    "problems/two.yaml",
+    "faults.yaml",
+    "cell.yaml",
+    "contacts.yaml",
+)
 
 
 def survives(cell: Path, edits: int, seed: int) -> None:
@@ -90,7 +103,9 @@ def survives(cell: Path, edits: int, seed: int) -> None:
     for number in range(edits):
         path = chance.choice(paths)
         line, column = chance.randrange(220), chance.randrange(70)
-        span = types.Range(types.Position(line, column), types.Position(line, column + chance.randrange(8)))
+        span = types.Range(
+            types.Position(line, column), types.Position(line, column + chance.randrange(8))
+        )
         text = "".join(chance.choices(PIECES, k=chance.randrange(3)))
         change: Any = types.TextDocumentContentChangePartial(span, text)
         if number % 400 == 399:
@@ -128,7 +143,9 @@ def test_ten_thousand_random_edits_are_survived(cell: Path) -> None:
 
 @pytest.mark.parametrize("method", list(REQUEST_ANSWERS))
 def test_a_file_that_is_not_there_is_answered(method: str, tmp_path: Path) -> None:
-    assert not getattr(answer(OpenFiles(), method, (tmp_path / "no.yaml").as_uri(), 3, 3), "items", None)
+    assert not getattr(
+        answer(OpenFiles(), method, (tmp_path / "no.yaml").as_uri(), 3, 3), "items", None
+    )
 
 
 def test_findings_of_unsaved_texts_go_to_their_files_and_end_there(cell: Path) -> None:

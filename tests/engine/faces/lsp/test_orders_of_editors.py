@@ -1,4 +1,6 @@
-"""What an order tells the editor while it is carried out, without a process and without an editor."""
+"""What an order tells the editor while it is carried out, without a process and without an
+editor.
+"""
 
 import asyncio
 from types import SimpleNamespace
@@ -33,7 +35,9 @@ class Progress:
 
 
 def test_every_order_has_a_token_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def ran(_s: LanguageServer, arguments: list[str], _d: OpenFiles, token: str) -> tuple[int, str]:
+    async def ran(
+        _s: LanguageServer, arguments: list[str], _d: OpenFiles, token: str
+    ) -> tuple[int, str]:
         return 0, f"{arguments[0]} {token}"
 
     async def told(*_: Any) -> None:
@@ -48,7 +52,9 @@ def test_every_order_has_a_token_of_its_own(monkeypatch: pytest.MonkeyPatch) -> 
     )
     for _ in range(50):
         asyncio.run(
-            code_lenses.run_lens_command(server, OpenFiles(), "cellwright.check", "file:///cell/domain.yaml")
+            code_lenses.run_lens_command(
+                server, OpenFiles(), "cellwright.check", "file:///cell/domain.yaml"
+            )
         )
     assert progress.ended == progress.tokens
     assert len(progress.tokens) == 50

@@ -1,4 +1,6 @@
-"""The server in a process of its own, as an editor starts it: the real protocol over standard input and output."""
+"""The server in a process of its own, as an editor starts it: the real protocol over standard
+input and output.
+"""
 
 import json
 import os
@@ -19,7 +21,13 @@ pytest.importorskip("pygls")
 from cellwright.kb.targets import BUNDLED_DOMAINS
 
 TOP = Path(__file__).parents[4]
-COMMAND = [sys.executable, "-c", "from cellwright.engine.faces.cli import main; main()", "lsp", "--stdio"]
+COMMAND = [
+    sys.executable,
+    "-c",
+    "from cellwright.engine.faces.cli import main; main()",
+    "lsp",
+    "--stdio",
+]
 WINDOW = {"workDoneProgress": True, "showDocument": {"support": True}}
 
 
@@ -37,7 +45,8 @@ class Editor:
         self.told: queue.Queue[Any] = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()
         self.capabilities = self.ask(
-            "initialize", {"processId": None, "rootUri": root.as_uri(), "capabilities": {"window": WINDOW}}
+            "initialize",
+            {"processId": None, "rootUri": root.as_uri(), "capabilities": {"window": WINDOW}},
         )["capabilities"]
         self.send({"method": "initialized", "params": {}})
 
@@ -79,7 +88,10 @@ class Editor:
         """What is published about a file next that has findings, or none, as wanted."""
         while True:
             said = self.told.get(timeout=120)
-            if said["method"] == "textDocument/publishDiagnostics" and said["params"]["uri"] == path.as_uri():
+            if (
+                said["method"] == "textDocument/publishDiagnostics"
+                and said["params"]["uri"] == path.as_uri()
+            ):
                 found: list[Any] = said["params"]["diagnostics"]
                 if bool(found) == wanted:
                     return found
@@ -158,7 +170,8 @@ def test_a_lens_plans_the_text_of_the_editor(editor: Editor, cell: Path) -> None
     assert [each["command"]["title"] for each in lenses] == ["plan", "run", "explain"]
     command = lenses[0]["command"]
     answer = editor.ask(
-        "workspace/executeCommand", {"command": command["command"], "arguments": command["arguments"]}
+        "workspace/executeCommand",
+        {"command": command["command"], "arguments": command["arguments"]},
     )
     assert answer["exit_code"] == 0, answer
     assert "heat(" not in answer["text"]  # what the editor has, not what is on the disk
@@ -182,7 +195,9 @@ def ordered(editor: Editor, path: Path, title: str) -> dict[str, Any]:
         ("domain.yaml", "check", "no errors in"),
     ],
 )
-def test_every_lens_does_what_it_says(editor: Editor, cell: Path, name: str, title: str, said: str) -> None:
+def test_every_lens_does_what_it_says(
+    editor: Editor, cell: Path, name: str, title: str, said: str
+) -> None:
     path = cell / name
     editor.open(path, path.read_text())
     answer = editor.ask("workspace/executeCommand", ordered(editor, path, title))
@@ -208,11 +223,14 @@ def test_a_lens_that_is_cancelled_ends_at_once(editor: Editor, cell: Path) -> No
     assert editor.ask("textDocument/hover", hover)  # the server goes on
 
 
-def test_a_name_of_a_device_leads_to_its_file_and_errors_there_are_told(editor: Editor, cell: Path) -> None:
+def test_a_name_of_a_device_leads_to_its_file_and_errors_there_are_told(
+    editor: Editor, cell: Path
+) -> None:
     device = cell / "devices" / "shaker" / "device.yaml"
     device.parent.mkdir(parents=True)
     text = "device: shaker\nabout: shakes\nfluents:\n  shaken(probe): {weight: 3}\noperators:\n" \
-        "  $name(Probe):\n    preconditions: at(Probe, Place)\n    adds: shaken(Probe)\n"  # fmt: skip
+        ("  $name(Probe):\n    preconditions: at(Probe, Place)\n    adds: "
+        "shaken(Probe)\n")  # fmt: skip
     device.write_text(text.replace("Place", "mars_gripper"))
     domain = cell / "domain.yaml"
     own = domain.read_text().replace("  freezer: {}", "  freezer: {}\n  shaker: {}")

@@ -1,6 +1,7 @@
 """A monitor that is served, and pages of it in a browser.
 
-They are skipped where NiceGUI, Playwright or Chromium is missing, unless CELLWRIGHT_BROWSER is `required`, as in `.ci/run`.
+They are skipped where NiceGUI, Playwright or Chromium is missing, unless CELLWRIGHT_BROWSER is
+`required`, as in `.ci/run`.
 """
 
 import importlib.util
@@ -61,7 +62,9 @@ def serve(chromium: Any) -> Iterator[Serve]:  # noqa: ARG001 - without a browser
             port = free.getsockname()[1]
         command = [*CELLWRIGHT, "monitor", *words, "--store", str(store), "--port", str(port)]
         paths = {**os.environ, "PYTHONPATH": str(TOP)}
-        running.append(subprocess.Popen(command, cwd=folder, env=paths, stdout=subprocess.DEVNULL, text=True))
+        running.append(
+            subprocess.Popen(command, cwd=folder, env=paths, stdout=subprocess.DEVNULL, text=True)
+        )
         _wait_for(port)
         return f"http://127.0.0.1:{port}"
 

@@ -1,4 +1,6 @@
-"""What the arm has met is shown from the record on that tells of it, until a fact says where it is."""
+"""What the arm has met is shown from the record on that tells of it, until a fact says where it
+is.
+"""
 
 import pytest
 
@@ -28,5 +30,9 @@ def test_a_body_is_met_until_a_fact_says_where_it_is() -> None:
 def test_a_step_that_was_stopped_is_known() -> None:
     run = WatchedRun("r")
     for number, text in ((4, "obstructed"), (5, "done")):
-        run.take(JournalRecord(number, 0, RecordKind.REPLY, {"command": number, "text": text, "data": {}}))
+        run.take(
+            JournalRecord(
+                number, 0, RecordKind.REPLY, {"command": number, "text": text, "data": {}}
+            )
+        )
     assert run.stopped == {4}

@@ -1,4 +1,6 @@
-"""What belongs to a choice is found in every view, and what commands print is shown as a terminal would."""
+"""What belongs to a choice is found in every view, and what commands print is shown as a
+terminal would.
+"""
 
 from pathlib import Path
 

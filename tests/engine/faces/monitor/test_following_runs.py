@@ -17,14 +17,23 @@ from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Journal, JournalLine
 
 PLAN = {
-    "why": "first", "forecast_ms": 20_000, "goals": ["hot(a)", "cold(b)"], "given_up": [["cold(b)", "no ice"]],
+    "why": "first", "forecast_ms": 20_000, "goals": ["hot(a)", "cold(b)"], "given_up": [["cold(b)", "no "
+    "ice"]],
     "steps": [
         {"id": 1, "step": "pick(a)", "stream": "arm", "start_ms": 0, "lasts_ms": 8_000},
-        {"id": 2, "step": "heat(a)", "stream": "oven <b>", "start_ms": 8_000, "lasts_ms": 12_000, "after": [1]},
+        {"id": 2, "step": "heat(a)", "stream": "oven "
+        "<b>", "start_ms": 8_000, "lasts_ms": 12_000, "after": [1]},
     ],
 }  # fmt: skip
 STEP = {"command_kind": "step", "lasts_ms": 8_000}
-ASK = {"command": 3, "command_kind": "ask", "stream": "person", "action": "?", "asks": True, "lasts_ms": 0}
+ASK = {
+    "command": 3,
+    "command_kind": "ask",
+    "stream": "person",
+    "action": "?",
+    "asks": True,
+    "lasts_ms": 0,
+}
 LINES = [
     JournalLine(1, 0, "run", {}),
     JournalLine(2, 0, "plan", PLAN),
@@ -58,7 +67,9 @@ def test_a_run_stands_as_its_records_tell(journal: Journal) -> None:
     assert follower.exceptions() == [8]
 
 
-def test_a_run_that_was_approved_is_running_once_it_is_told_to_do_something(journal: Journal) -> None:
+def test_a_run_that_was_approved_is_running_once_it_is_told_to_do_something(
+    journal: Journal,
+) -> None:
     ready = JournalLine(3, 0, "phase", {"phase": "ready", "why": "waits for approval"})
     approved = JournalLine(4, 0, "order", {"order": "approve", "given": "", "origin": "socket"})
     journal.append("monday", [*LINES[:2], ready, approved])
@@ -121,7 +132,8 @@ def test_the_first_difference_of_two_runs_is_found() -> None:
         *records[5:],
     ]
     later = [
-        journal_record(JournalLine(line.number, line.at_ms + 70, line.kind, line.content)) for line in LINES
+        journal_record(JournalLine(line.number, line.at_ms + 70, line.kind, line.content))
+        for line in LINES
     ]
     assert first_difference(records, later) == 0
     assert first_difference(records, other) == 5
@@ -143,7 +155,8 @@ def test_pictures_show_steps_with_signs_and_escape_names(journal: Journal) -> No
 
 def test_a_run_chart_marks_what_failed_by_its_shape() -> None:
     values = [
-        {"value": v, "lower": 1.0, "nominal": 2.0, "upper": 3.0, "passed": v <= 3.0} for v in (2.0, 4.0)
+        {"value": v, "lower": 1.0, "nominal": 2.0, "upper": 3.0, "passed": v <= 3.0}
+        for v in (2.0, 4.0)
     ]
     drawn = run_chart(values)
     assert drawn.count("<circle") == 1

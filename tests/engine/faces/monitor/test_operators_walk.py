@@ -1,4 +1,6 @@
-"""An operator's walk, from the start of a run to its replay; what the pages tell on the way is golden."""
+"""An operator's walk, from the start of a run to its replay; what the pages tell on the way is
+golden.
+"""
 
 import re
 from collections.abc import Callable
@@ -18,7 +20,11 @@ def rows(page: Any, view: str) -> list[str]:
     at(page, f"tab-{view}").click()
     shown = at(page, f"shows-{view}").locator("tbody tr")
     shown.first.wait_for()
-    told = (TIME.sub("_", " | ".join(each.split("\t"))) for each in shown.all_inner_texts() if each.strip())
+    told = (
+        TIME.sub("_", " | ".join(each.split("\t")))
+        for each in shown.all_inner_texts()
+        if each.strip()
+    )
     return list(dict.fromkeys(told))  # while a table changes, rows may be there twice
 
 
@@ -26,13 +32,19 @@ def rows(page: Any, view: str) -> list[str]:
 def test_an_operators_walk(
     open_page: Callable[[str], Any], serve: Serve, tmp_path: Path, golden: Golden
 ) -> None:
-    """Start THEMSE with four probes; the drawer jams; answer; recover; look at the results; replay."""
+    """Start THEMSE with four probes; the drawer jams; answer; recover; look at the results;
+    replay.
+    """
     page = open_page(serve(tmp_path / "runs.db", tmp_path))
     started(page, target="themse/four", name="walk", factor="0.005", fault="1=drawer_blocked")
     told = list[str]()
     banner = at(page, "asks", has_text="clear the rails")
     banner.wait_for()
-    told += ["Asked, while it stands", at(page, "phase").inner_text(), *banner.inner_text().split("\n")]
+    told += [
+        "Asked, while it stands",
+        at(page, "phase").inner_text(),
+        *banner.inner_text().split("\n"),
+    ]
     at(page, "choice-cured").click()
     at(page, "phase", has_text="reached").wait_for()
     told += ["Diagnosis", *rows(page, "diagnosis")]

@@ -1,4 +1,6 @@
-"""Pages of runs that are over: views, replay, what is chosen, the arm where the journal puts it, and nothing from elsewhere."""
+"""Pages of runs that are over: views, replay, what is chosen, the arm where the journal puts
+it, and nothing from elsewhere.
+"""
 
 import json
 from collections.abc import Callable
@@ -9,7 +11,11 @@ import numpy as np
 import pytest
 
 from cellwright.engine.faces.monitor.run_follower import RunFollower
-from cellwright.engine.pipelines.execution.journal_motions import RestingCell, Retracing, world_during
+from cellwright.engine.pipelines.execution.journal_motions import (
+    RestingCell,
+    Retracing,
+    world_during,
+)
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry.pictures.viewer_files import body_poses
@@ -35,12 +41,16 @@ def site(serve: Serve, store: Path) -> str:
     return serve(store, store.parent)
 
 
-def test_every_view_shows_the_run_and_nothing_comes_from_elsewhere(open_page: Open, site: str) -> None:
+def test_every_view_shows_the_run_and_nothing_comes_from_elsewhere(
+    open_page: Open, site: str
+) -> None:
     page = open_page(f"{site}/run/monday")
     page.wait_for_selector("svg .step")
     wanted = {
-        "plan": "pick(", "world": "stored", "states": "mars_gripper", "sequence": "measures nothing", "diagnosis": "grip_again",
-        "results": "of", "objects": "pick(", "log": "EXCEPTION", "compare": "the other run", "cell": "touch",
+        "plan": "pick(", "world": "stored", "states": "mars_gripper", "sequence": "measures "
+        "nothing", "diagnosis": "grip_again",
+        "results": "of", "objects": "pick(", "log": "EXCEPTION", "compare": "the other "
+        "run", "cell": "touch",
     }  # fmt: skip
     for name, text in wanted.items():
         at(page, f"tab-{name}").click()
@@ -66,7 +76,9 @@ def test_the_page_goes_to_the_exception_and_tells_of_a_chosen_step_why_it_is_the
     at(page, "phase", has_text="reached").wait_for()
 
 
-def test_what_is_chosen_in_one_view_is_marked_in_every_other_one(open_page: Open, site: str) -> None:
+def test_what_is_chosen_in_one_view_is_marked_in_every_other_one(
+    open_page: Open, site: str
+) -> None:
     page = open_page(f"{site}/run/monday")
     at(page, "phase", has_text="reached").wait_for()
     page.keyboard.press("f")
@@ -95,10 +107,14 @@ def test_the_net_of_contact_states_is_marked_as_the_run_stands(
 ) -> None:
     follower = RunFollower(str(store), "tuesday")
     follower.refresh()
-    picked = next(each for each in follower.done(0, len(follower.records)) if "pick(" in each["action"])
+    picked = next(
+        each for each in follower.done(0, len(follower.records)) if "pick(" in each["action"]
+    )
     page = open_page(f"{site}/run/tuesday")
     page.keyboard.press("5")
-    held = at(page, "inside").locator("tbody tr", has=page.locator("td:first-child", has_text="mars_gripper"))
+    held = at(page, "inside").locator(
+        "tbody tr", has=page.locator("td:first-child", has_text="mars_gripper")
+    )
     held.get_by_text("P1", exact=True).wait_for()  # free
     page.evaluate(f"emitEvent('go', {picked['number']})")
     taken = picked["action"].partition("(")[2].partition(",")[0]
@@ -138,7 +154,9 @@ def test_two_runs_are_compared_and_the_first_difference_is_marked(
     assert store.exists()
 
 
-def test_the_arm_in_the_page_is_where_the_journal_puts_it(open_page: Open, site: str, store: Path) -> None:
+def test_the_arm_in_the_page_is_where_the_journal_puts_it(
+    open_page: Open, site: str, store: Path
+) -> None:
     follower = RunFollower(str(store), "monday")
     follower.refresh()
     retracing = Retracing.of(problem_of(TARGET), cell_of(TARGET), geometry_backend())
@@ -148,7 +166,9 @@ def test_the_arm_in_the_page_is_where_the_journal_puts_it(open_page: Open, site:
     at(page, "tab-cell").click()
     at(page, "motion", has_text="the arm rests").wait_for()
     names = [
-        name for name in ("arm.hand", "mars_gripper", "lid", "drawer") if name in resting.home.cell.bodies
+        name
+        for name in ("arm.hand", "mars_gripper", "lid", "drawer")
+        if name in resting.home.cell.bodies
     ]
     for taken in (steps[0], steps[2]):
         page.evaluate(f"emitEvent('go', {taken.number})")
@@ -173,7 +193,8 @@ def test_names_are_never_executed(open_page: Open, serve: Serve, tmp_path: Path)
     store = tmp_path / "runs.db"
     plan = {
         "why": bad, "forecast_ms": 9, "goals": [bad], "given_up": [[bad, bad]], "order": [1], "dwells": [], "timed": False,
-        "steps": [{"id": 1, "step": 'heat("<img src=x onerror=window.hit=1>")', "stream": bad, "says": bad, "lasts_ms": 5, "adds": ['hot("</svg><script>window.hit=1</script>")']}],
+        "steps": [{"id": 1, "step": 'heat("<img src=x '
+        'onerror=window.hit=1>")', "stream": bad, "says": bad, "lasts_ms": 5, "adds": ['hot("</svg><script>window.hit=1</script>")']}],
     }  # fmt: skip
     command = {
         "command": 1,
@@ -187,7 +208,13 @@ def test_names_are_never_executed(open_page: Open, serve: Serve, tmp_path: Path)
         "step": None,
     }
     failed = {"exception": bad, "step": 1, "action": bad, "reply": bad, "command": 1, "known": True}
-    found = {"exception": bad, "action": bad, "outcome": bad, "belief": [[bad, 0.5]], "expected_cost": 1.0}
+    found = {
+        "exception": bad,
+        "action": bad,
+        "outcome": bad,
+        "belief": [[bad, 0.5]],
+        "expected_cost": 1.0,
+    }
     value = {
         "command": 1,
         "action": bad,
@@ -201,7 +228,9 @@ def test_names_are_never_executed(open_page: Open, serve: Serve, tmp_path: Path)
     kinds = [("run", {}), ("plan", plan), ("command", command), ("exception", failed), ("finding", found), ("result", value), ("world", world)]  # fmt: skip
     with Journal(str(store)) as journal:
         journal.begin(bad, "2026-11-22", {"target": bad})
-        journal.append(bad, [JournalLine(n, n, kind, content) for n, (kind, content) in enumerate(kinds, 1)])
+        journal.append(
+            bad, [JournalLine(n, n, kind, content) for n, (kind, content) in enumerate(kinds, 1)]
+        )
     page = open_page(f"{serve(store, tmp_path)}/")
     page.get_by_text(bad).first.click()
     at(page, "title", has_text="<img").wait_for()

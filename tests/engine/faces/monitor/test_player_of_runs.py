@@ -14,8 +14,16 @@ TIMES = (0, 0, 1_000, 5_000, 5_000, 60_000)
 def follower(tmp_path: Path) -> RunFollower:
     with Journal(str(tmp_path / "runs.db")) as journal:
         journal.begin("monday", "2026-11-22", {"factor": 0.5})
-        lines = [JournalLine(n, at, "goal", {"goal": f"g({n})"}) for n, at in enumerate(TIMES[:-1], 1)]
-        failed = {"exception": "cold", "step": 1, "action": "heat(a)", "reply": "cold", "command": 2}
+        lines = [
+            JournalLine(n, at, "goal", {"goal": f"g({n})"}) for n, at in enumerate(TIMES[:-1], 1)
+        ]
+        failed = {
+            "exception": "cold",
+            "step": 1,
+            "action": "heat(a)",
+            "reply": "cold",
+            "command": 2,
+        }
         journal.append("monday", [*lines, JournalLine(len(TIMES), TIMES[-1], "exception", failed)])
     found = RunFollower(str(tmp_path / "runs.db"), "monday")
     found.refresh()

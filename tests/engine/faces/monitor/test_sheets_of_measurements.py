@@ -1,4 +1,6 @@
-"""Measurements that a page enters land in the problem file, are told to be reachable or not, and can be undone."""
+"""Measurements that a page enters land in the problem file, are told to be reachable or not,
+and can be undone.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -54,12 +56,15 @@ def test_the_tool_that_a_measurement_prefers_takes_it_if_it_can(sheets: Sheets) 
     path = sheets.path("job.yaml")
     path.write_text(
         "problem: job\ndomain: bulkhead\nobjects:\n  us_tool: [us_probe_2]\nstatics:\n"
-        "  - weight(us_probe_2, 4)\n  - accuracy(us_probe_2, 25)\n  - preference(us_probe_2, 9)\ngoals: []\n"
+        "  - weight(us_probe_2, 4)\n  - accuracy(us_probe_2, 25)\n  - preference(us_probe_2, "
+        "9)\ngoals: []\n"
     )
     assert MeasuredPart(path).tools == ["slra", "us_probe", "us_probe_2"]
     assert point_verdict(str(path), POINT)[1].startswith("by us_probe from")
     assert point_verdict(str(path), {**POINT, "tool": "us_probe_2"})[1].startswith("by us_probe_2")
-    assert point_verdict(str(path), {**POINT, "tool": "slra"})[1].endswith("not by slra, which cannot")
+    assert point_verdict(str(path), {**POINT, "tool": "slra"})[1].endswith(
+        "not by slra, which cannot"
+    )
     sheets.change({"how": "added", "file": "job.yaml", "points": [{**POINT, "tool": "us_probe_2"}]})
     assert "prefers(p1, us_probe_2)" in path.read_text()
     assert [each.tool for each in MeasuredPart(path).points] == ["us_probe_2"]
@@ -69,9 +74,13 @@ def test_the_tool_that_a_measurement_prefers_takes_it_if_it_can(sheets: Sheets) 
 
 def test_a_group_that_has_a_bad_point_changes_nothing(sheets: Sheets) -> None:
     text = sheets.path("job.yaml").read_text()
-    for bad in ({**POINT, "name": "Bad name"}, {**POINT, "name": "x) :- true. y(", "kind": "thickness"}, {**POINT, "normal": [0, 0, 0]}, {**POINT, "at": [1, "nan", 2]}):  # fmt: skip
+    for bad in ({**POINT, "name": "Bad "
+    "name"}, {**POINT, "name": "x) :- true. "
+    "y(", "kind": "thickness"}, {**POINT, "normal": [0, 0, 0]}, {**POINT, "at": [1, "nan", 2]}):  # fmt: skip
         with pytest.raises(InvalidInput):
-            sheets.change({"how": "added", "file": "job.yaml", "points": [{**POINT, "name": "fine"}, bad]})
+            sheets.change(
+                {"how": "added", "file": "job.yaml", "points": [{**POINT, "name": "fine"}, bad]}
+            )
         assert sheets.path("job.yaml").read_text() == text
 
 
@@ -83,7 +92,9 @@ def test_what_was_changed_elsewhere_is_not_undone(sheets: Sheets) -> None:
         sheets.change({"how": "undo", "file": "job.yaml"})
 
 
-@pytest.mark.parametrize("name", ["../job.yaml", "/etc/passwd", "job.yaml/../job.yaml", "", "other.yaml"])
+@pytest.mark.parametrize(
+    "name", ["../job.yaml", "/etc/passwd", "job.yaml/../job.yaml", "", "other.yaml"]
+)
 def test_no_file_but_those_of_the_folder_is_read_or_written(sheets: Sheets, name: str) -> None:
     for how in ("added", "removed", "undo", "import"):
         with pytest.raises(InvalidInput):
@@ -103,7 +114,9 @@ def test_a_link_out_of_the_folder_is_not_followed(
     assert "p1" not in outside.read_text()
 
 
-def test_a_point_that_arms_share_is_told_with_the_tools_of_all_arms_that_reach_it(sheets: Sheets) -> None:
+def test_a_point_that_arms_share_is_told_with_the_tools_of_all_arms_that_reach_it(
+    sheets: Sheets,
+) -> None:
     sheets.change({"how": "new", "file": "shared", "domain": "halves"})
     path = str(sheets.path("shared.yaml"))
     west, both, east = ({**POINT, "at": [0.0, y, 0.0]} for y in (-1500.0, -100.0, 1500.0))
@@ -117,8 +130,12 @@ def test_a_point_that_arms_share_is_told_with_the_tools_of_all_arms_that_reach_i
 
 
 def test_a_table_is_imported_as_a_problem(sheets: Sheets) -> None:
-    (sheets.folder / "points.csv").write_text("name,kind,x,y,z,nx,ny,nz\na1,thickness,100,200,0,0,0,-1\n")
-    assert "1 points" in sheets.change({"how": "import", "file": "points.csv", "domain": "bulkhead"})
+    (sheets.folder / "points.csv").write_text(
+        "name,kind,x,y,z,nx,ny,nz\na1,thickness,100,200,0,0,0,-1\n"
+    )
+    assert "1 points" in sheets.change(
+        {"how": "import", "file": "points.csv", "domain": "bulkhead"}
+    )
     assert [each.name for each in MeasuredPart(sheets.path("points.yaml")).points] == ["a1"]
 
 
@@ -127,14 +144,18 @@ def test_a_point_is_read_as_it_is_written() -> None:
     assert read_point(written_point(point)) == point
 
 
-def test_a_picked_point_is_where_it_was_picked_within_a_tenth_of_a_millimetre(sheets: Sheets) -> None:
+def test_a_picked_point_is_where_it_was_picked_within_a_tenth_of_a_millimetre(
+    sheets: Sheets,
+) -> None:
     part = MeasuredPart(sheets.path("job.yaml"))
     for x, y in ((0.1, 0.2), (-0.3, -0.75), (0.0, 1.234_567)):
         found = part.picked("web", part.in_world((x, y, 0.0)), SnapTo.FACE)
         assert found is not None
         assert found.point == pytest.approx([x, y, 0.0], abs=1e-4)
         assert found.normal == pytest.approx([0.0, 0.0, -1.0], abs=1e-9)
-    assert part.picked("web", np.array(part.in_world((0.1, 0.2, 0.0))).tolist(), SnapTo.HOLE) is None
+    assert (
+        part.picked("web", np.array(part.in_world((0.1, 0.2, 0.0))).tolist(), SnapTo.HOLE) is None
+    )
 
 
 def test_it_is_told_whether_a_point_can_be_measured_and_why_not(sheets: Sheets) -> None:

@@ -45,7 +45,9 @@ def orders(store: Path, run: str, count: int) -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.slow
-def test_every_button_has_its_effect_in_the_journal(open_page: Open, site: str, folder: Path) -> None:
+def test_every_button_has_its_effect_in_the_journal(
+    open_page: Open, site: str, folder: Path
+) -> None:
     page = open_page(site)
     started(page, target="bulkhead/both_tools", name="buttons", factor="0.5")
     wanted = [("approve", "")]
@@ -118,7 +120,9 @@ def test_after_the_network_was_cut_no_event_is_lost_or_shown_twice(
 
 
 @pytest.mark.slow
-def test_a_point_that_is_picked_lands_in_the_problem_file(open_page: Open, site: str, folder: Path) -> None:
+def test_a_point_that_is_picked_lands_in_the_problem_file(
+    open_page: Open, site: str, folder: Path
+) -> None:
     (folder / "job.yaml").write_text("problem: job\ndomain: bulkhead\ngoals: []\n")
     page = open_page(f"{site}/measure/job.yaml")
     page.get_by_role("button", name="left").click()
@@ -130,7 +134,9 @@ def test_a_point_that_is_picked_lands_in_the_problem_file(open_page: Open, site:
     shown = [float(at(page, each).input_value()) for each in ("x", "y", "z")]
     at(page, "add").click()
     at(page, "points").get_by_text("p1").wait_for()
-    found = re.search(r"position\(p1, (-?\d+), (-?\d+), (-?\d+)\)", (folder / "job.yaml").read_text())
+    found = re.search(
+        r"position\(p1, (-?\d+), (-?\d+), (-?\d+)\)", (folder / "job.yaml").read_text()
+    )
     assert found is not None
     assert [int(each) / 1000 for each in found.groups()] == pytest.approx(shown, abs=0.1)
     with page.expect_download() as saved:
@@ -205,4 +211,6 @@ def test_it_is_told_why_a_point_cannot_be_reached_and_files_are_imported(
     for field, value in (("x", "100"), ("y", "200"), ("nz", "1")):
         at(page, field).fill(value)
     page.keyboard.press("Tab")
-    at(page, "verdict", has_text=re.compile("✗ cannot be measured: .*not in this orientation")).wait_for()
+    at(
+        page, "verdict", has_text=re.compile("✗ cannot be measured: .*not in this orientation")
+    ).wait_for()

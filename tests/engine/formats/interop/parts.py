@@ -1,7 +1,8 @@
-"""QIF documents of small parts, written face by face, and a plain reading of them: which points lie on material.
+"""QIF documents of small parts, written face by face, and a plain reading of them: which points lie
+on material.
 
-The plain reading shares nothing with the importer. It looks at the edges in space alone: a ray along the surface that leaves the
-material crosses an odd number of them.
+The plain reading shares nothing with the importer. It looks at the edges in space alone: a ray
+along the surface that leaves the material crosses an odd number of them.
 """
 
 from collections.abc import Sequence
@@ -40,19 +41,25 @@ class Document:
     def vertex(self, place: Floats) -> str:
         """The id of a vertex."""
         point = self.add("PointSet", f'<Point id="{{id}}"><XYZ>{_text(place)}</XYZ></Point>')
-        return self.add("VertexSet", f'<Vertex id="{{id}}"><Point><Id>{point}</Id></Point></Vertex>')
+        return self.add(
+            "VertexSet", f'<Vertex id="{{id}}"><Point><Id>{point}</Id></Point></Vertex>'
+        )
 
     def coedge(
         self, core: str, ends: tuple[Any, Any], flat: str = "", turned: bool = False, edge: str = ""
     ) -> tuple[str, str]:
-        """The text of a coedge, and the id of its edge. `core` is a curve in space, `flat` one in parameters."""
+        """The text of a coedge, and the id of its edge.
+
+        `core` is a curve in space, `flat` one in parameters.
+        """
         if not edge:
             kind = core[1:].split("Core")[0]
             curve = self.add("Curve13Set", f'<{kind} id="{{id}}">{core}</{kind}>')
             first, last = (self.vertex(np.asarray(each, float)) for each in ends)
             edge = self.add(
                 "EdgeSet",
-                f'<Edge id="{{id}}"><Curve><Id>{curve}</Id></Curve><VertexBeg><Id>{first}</Id></VertexBeg>'
+                "<Edge "
+                f'id="{{id}}"><Curve><Id>{curve}</Id></Curve><VertexBeg><Id>{first}</Id></VertexBeg>'
                 f"<VertexEnd><Id>{last}</Id></VertexEnd></Edge>",
             )
         text = f'<EdgeOriented turned="{str(turned).lower()}"><Id>{edge}</Id></EdgeOriented>'
@@ -65,20 +72,26 @@ class Document:
     def loop(self, coedges: Sequence[str], form: str = "OUTER") -> str:
         """The id of a loop."""
         return self.add(
-            "LoopSet", f'<Loop form="{form}" id="{{id}}"><CoEdges>{"".join(coedges)}</CoEdges></Loop>'
+            "LoopSet",
+            f'<Loop form="{form}" id="{{id}}"><CoEdges>{"".join(coedges)}</CoEdges></Loop>',
         )
 
-    def face(self, surface: str, loops: Sequence[str], attributes: str = "", transform: str = "") -> str:
+    def face(
+        self, surface: str, loops: Sequence[str], attributes: str = "", transform: str = ""
+    ) -> str:
         """The id of a face on a surface, given as the text of its core."""
         kind = surface[1:].split("Core")[0]
         of = self.add("SurfaceSet", f'<{kind} id="{{id}}">{surface}{transform}</{kind}>')
         ids = "".join(f"<Id>{each}</Id>" for each in loops)
         return self.add(
             "FaceSet",
-            f'<Face id="{{id}}" {attributes}><Surface><Id>{of}</Id></Surface><LoopIds>{ids}</LoopIds></Face>',
+            f'<Face id="{{id}}" '
+            f"{attributes}><Surface><Id>{of}</Id></Surface><LoopIds>{ids}</LoopIds></Face>",
         )
 
-    def feature(self, kind: str, faces: Sequence[str], definition: str = "", nominal: str = "") -> str:
+    def feature(
+        self, kind: str, faces: Sequence[str], definition: str = "", nominal: str = ""
+    ) -> str:
         """The name of a feature of some faces."""
         of = self.add(
             "FeatureDefinitions",
@@ -97,11 +110,14 @@ class Document:
         unit = ("inch", "0.0254") if self.inches else ("mm", "0.001")
 
         def sets(names: Sequence[str]) -> str:
-            return "".join(f"<{name}>{''.join(self.parts.get(name, ()))}</{name}>" for name in names)
+            return "".join(
+                f"<{name}>{''.join(self.parts.get(name, ()))}</{name}>" for name in names
+            )
 
         file = folder / "part.qif"
         file.write_text(
-            '<?xml version="1.0"?><QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">'
+            '<?xml version="1.0"?><QIFDocument xmlns="http://qifstandards.org/xsd/qif3" '
+            'versionQIF="3.0.0">'
             f"<FileUnits><PrimaryUnits><LinearUnit><UnitName>{unit[0]}</UnitName><UnitConversion><Factor>{unit[1]}</Factor>"
             f"</UnitConversion></LinearUnit></PrimaryUnits></FileUnits>{sets(['DatumDefinitions', 'DatumReferenceFrames'])}"
             f"{sets(['Transforms'])}<Product><GeometrySet>{sets(['PointSet', 'Curve12Set', 'Curve13Set', 'SurfaceSet'])}"
@@ -120,7 +136,9 @@ def segment(a: object, b: object) -> str:
     )
 
 
-def arc(centre: object, radius: float, first: float, last: float, begin: object, normal: object = ()) -> str:
+def arc(
+    centre: object, radius: float, first: float, last: float, begin: object, normal: object = ()
+) -> str:
     """An arc of a circle from one angle to another, counted from `begin`."""
     width = 3 if np.size(normal) else 2
     up = f"<Normal>{_text(normal)}</Normal>" if width == 3 else ""
@@ -135,7 +153,8 @@ def ellipse(centre: object, a: float, b: float, begin: object, normal: object = 
     width = 3 if np.size(normal) else 2
     up = f"<Normal>{_text(normal)}</Normal>" if width == 3 else ""
     return (
-        f'<ArcConic1{width}Core domain="{_text([0, 2 * np.pi])}" form="ELLIPSE"><A>{a}</A><B>{b}</B>'
+        f'<ArcConic1{width}Core domain="{_text([0, 2 * np.pi])}" '
+        f'form="ELLIPSE"><A>{a}</A><B>{b}</B>'
         f"<Center>{_text(centre)}</Center><DirBeg>{_text(begin)}</DirBeg>{up}</ArcConic1{width}Core>"
     )
 
@@ -143,7 +162,10 @@ def ellipse(centre: object, a: float, b: float, begin: object, normal: object = 
 def polyline(points: object) -> str:
     """A polyline through points."""
     width = np.shape(points)[1]
-    return f'<Polyline1{width}Core domain="0 1"><Points>{_text(points)}</Points></Polyline1{width}Core>'
+    return (
+        f'<Polyline1{width}Core domain="0 '
+        f'1"><Points>{_text(points)}</Points></Polyline1{width}Core>'
+    )
 
 
 def nurbs(points: object, knots: object, order: int, weights: object = ()) -> str:
@@ -152,7 +174,8 @@ def nurbs(points: object, knots: object, order: int, weights: object = ()) -> st
     heavy = f"<Weights>{_text(weights)}</Weights>" if np.size(weights) else ""
     ends = np.ravel(np.asarray(knots, float))[[order - 1, -order]]
     return (
-        f'<Nurbs1{width}Core domain="{_text(ends)}"><Order>{order}</Order><Knots>{_text(knots)}</Knots>'
+        f"<Nurbs1{width}Core "
+        f'domain="{_text(ends)}"><Order>{order}</Order><Knots>{_text(knots)}</Knots>'
         f"<CPs>{_text(points)}</CPs>{heavy}</Nurbs1{width}Core>"
     )
 
@@ -162,7 +185,10 @@ def aggregate(pieces: Sequence[tuple[str, bool]], width: int) -> str:
     inner = "".join(
         f'<SubCurve turned="{str(turned).lower()}">{piece}</SubCurve>' for piece, turned in pieces
     )
-    return f'<Aggregate1{width}Core domain="0 {len(pieces)}"><SubCurves>{inner}</SubCurves></Aggregate1{width}Core>'
+    return (
+        f'<Aggregate1{width}Core domain="0 '
+        f'{len(pieces)}"><SubCurves>{inner}</SubCurves></Aggregate1{width}Core>'
+    )
 
 
 def plane(origin: object = (0, 0, 0), u: object = (1, 0, 0), v: object = (0, 1, 0)) -> str:
@@ -187,7 +213,9 @@ class Plain:
     def faces(self, feature: str) -> list[Any]:
         """The faces of a feature."""
         ids = self.found[feature.removeprefix("f")].findall("EntityInternalIds/Id")
-        return [self.found[str(each.text)] for each in ids if self.found[str(each.text)].tag == "Face"]
+        return [
+            self.found[str(each.text)] for each in ids if self.found[str(each.text)].tag == "Face"
+        ]
 
     def surface(self, face: Any) -> Any:
         """The numbers of the surface of a face."""
@@ -208,7 +236,10 @@ class Plain:
     def edge(self, edge: Any) -> Floats:
         """Points along an edge from its first vertex to its last."""
         points = curve(self._to(edge, "Curve")[0])
-        ends = [numbers(self._to(self._to(edge, tag), "Point"), "XYZ") for tag in ("VertexBeg", "VertexEnd")]
+        ends = [
+            numbers(self._to(self._to(edge, tag), "Point"), "XYZ")
+            for tag in ("VertexBeg", "VertexEnd")
+        ]
         if np.linalg.norm(ends[0] - ends[1]) < 1e-9:
             return points
         if len(points) == 2:
@@ -230,12 +261,16 @@ class Plain:
         x = x - (x @ z) * z
         axes = np.stack([x / np.linalg.norm(x), np.cross(z, x / np.linalg.norm(x)), z], axis=1)
         sides = [(edge - origin) @ axes[:, :2] for edge in self.edges(face)]
-        a, b = np.concatenate([each[:-1] for each in sides]), np.concatenate([each[1:] for each in sides])
+        a, b = (
+            np.concatenate([each[:-1] for each in sides]),
+            np.concatenate([each[1:] for each in sides]),
+        )
         return np.array([_odd(a, b, (p / self.metres - origin) @ axes) for p in points], bool)
 
     def on_round(self, face: Any, points: Floats) -> NDArray[np.bool_]:
-        """Whether points (metres) lie on the material of a cylinder or a cone: they lie on its surface, and a ray that runs
-        along its straight lines, away from its tip, crosses an odd number of edges."""
+        """Whether points (metres) lie on the material of a cylinder or a cone: they lie on its
+        surface, and a ray that runs along its straight lines, away from its tip, crosses an odd
+        number of edges."""
         core = self.surface(face)
         origin, z = numbers(core, "Axis/AxisPoint"), numbers(core, "Axis/Direction")
         same = core.findtext("Diameter", "0")
@@ -255,14 +290,18 @@ class Plain:
         found = []
         for p in points / self.metres - origin:
             at = np.arctan2(p @ y, p @ x) + 1.7e-5
-            crossed = sum(_above(start, stop, at + 2 * np.pi * turn, p @ z * away) for turn in range(-2, 3))
+            crossed = sum(
+                _above(start, stop, at + 2 * np.pi * turn, p @ z * away) for turn in range(-2, 3)
+            )
             slope = (radii[1] - radii[0]) / float(core.findtext("Length", "1"))
             away_from_axis = np.hypot(p @ x, p @ y) - radii[0] - slope * (p @ z)
             found.append(crossed % 2 == 1 and abs(away_from_axis) < 1e-6)
         return np.array(found)
 
     def on_feature(self, feature: str, points: Floats) -> NDArray[np.bool_]:
-        """Whether points (metres) lie on the material of a feature of planes, or of cylinders and cones."""
+        """Whether points (metres) lie on the material of a feature of planes, or of cylinders
+        and cones.
+        """
         found = np.zeros(len(points), bool)
         for face in self.faces(feature):
             kind = self.surface(face).tag
@@ -308,7 +347,9 @@ def curve(core: Any) -> Floats:
         )
     if kind == "Nurbs":
         points, knots = numbers(core, "CPs").reshape(-1, 3), numbers(core, "Knots")
-        weights = numbers(core, "Weights") if core.find("Weights") is not None else np.ones(len(points))
+        weights = (
+            numbers(core, "Weights") if core.find("Weights") is not None else np.ones(len(points))
+        )
         degree = int(core.findtext("Order")) - 1
         spline = BSpline(knots, np.column_stack([points * weights[:, None], weights]), degree)
         found = spline(np.linspace(knots[degree], knots[-degree - 1], STEPS))

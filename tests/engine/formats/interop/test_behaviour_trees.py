@@ -27,7 +27,13 @@ from tests.properties.problems import problems
 
 WORK = Domain("work", operators=(Operator("work", (), None, ()),))  # type: ignore[arg-type]
 LONG = ("themse/four", "themse/sentence")
-BUNDLED = ["themse/one", "themse/four", "themse/sentence", "themse/furnace_of_two", "bulkhead/both_tools"]
+BUNDLED = [
+    "themse/one",
+    "themse/four",
+    "themse/sentence",
+    "themse/furnace_of_two",
+    "bulkhead/both_tools",
+]
 
 
 @st.composite
@@ -37,7 +43,9 @@ def orders(draw: st.DrawFn) -> Plan:
     for number in range(1, draw(st.integers(0, 12)) + 1):
         before = draw(st.sets(st.integers(1, number - 1), max_size=3)) if number > 1 else set()
         after = tuple(StepId(each) for each in sorted(before))
-        steps.append(Step(StepId(number), Function("work"), after, duration=draw(st.integers(1, 4))))
+        steps.append(
+            Step(StepId(number), Function("work"), after, duration=draw(st.integers(1, 4)))
+        )
     return Plan(tuple(steps))
 
 
@@ -71,7 +79,9 @@ def test_every_step_begins_as_soon_as_all_before_it_are_done_and_no_sooner(plan:
     workers = Workers({step.id: step.duration for step in plan.steps})
     assert workers.run(Tree(write_behaviour_tree(WORK, plan), workers)) is Status.SUCCESS
     for step in plan.steps:
-        assert workers.began[step.id] == max((workers.ended[each] for each in step.after), default=0)
+        assert workers.began[step.id] == max(
+            (workers.ended[each] for each in step.after), default=0
+        )
     assert len(workers.ended) == len(plan.steps)
 
 
@@ -120,15 +130,20 @@ def _planned(target: str) -> tuple[Problem, Plan]:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
-    "target", [pytest.param(each, marks=[pytest.mark.slow] if each in LONG else []) for each in BUNDLED]
+    "target",
+    [pytest.param(each, marks=[pytest.mark.slow] if each in LONG else []) for each in BUNDLED],
 )
-def test_the_tree_of_a_bundled_plan_reaches_its_goals_whatever_the_durations(target: str, seed: int) -> None:
+def test_the_tree_of_a_bundled_plan_reaches_its_goals_whatever_the_durations(
+    target: str, seed: int
+) -> None:
     _acted_out(*_planned(target), seed)
 
 
 @settings(max_examples=25, deadline=None)
 @given(problems(), st.integers(0, 99))
-def test_the_tree_of_a_plan_for_a_random_problem_reaches_its_goals(problem: Problem, seed: int) -> None:
+def test_the_tree_of_a_plan_for_a_random_problem_reaches_its_goals(
+    problem: Problem, seed: int
+) -> None:
     found = checked_plan.plan_problem(problem)
     if isinstance(found, Found):
         _acted_out(problem, found.plan, seed)
@@ -139,7 +154,8 @@ def test_variables_whose_names_are_taken_get_ports_of_other_names() -> None:
     operator = Operator("work", tuple(_parameter(each) for each in names), None, ())  # type: ignore[arg-type]
     step = Step(StepId(1), Function("work", tuple(Function(each) for each in "abc")))
     tree = Tree(
-        write_behaviour_tree(Domain("work", operators=(operator,)), Plan((step,))), lambda _: Status.SUCCESS
+        write_behaviour_tree(Domain("work", operators=(operator,)), Plan((step,))),
+        lambda _: Status.SUCCESS,
     )
     assert tree.models == {"work": {"ID_", "ID__", "ID___", "duration"}}
     assert tree.tick() is Status.SUCCESS

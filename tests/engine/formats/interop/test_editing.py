@@ -1,4 +1,6 @@
-"""Measurements in problem files: added and removed in every layout of their lists, and nothing else changes."""
+"""Measurements in problem files: added and removed in every layout of their lists, and nothing
+else changes.
+"""
 
 import shutil
 from pathlib import Path
@@ -46,9 +48,13 @@ OBJECTS = [
 SECTIONS = [
     FACTS + GOALS,
     GOALS + FACTS,
-    FACTS.replace("statics:\n  - needs(m1, thickness)  # the first\n  - needs(m2, thickness), needs(m3, profile)\n",
-                  'statics: ["needs(m1, thickness)", "needs(m2, thickness), needs(m3, profile)"]\n') + GOALS,
-    FACTS + 'goals: ["measured(_, _, meas(m2))", "measured(_, _, meas(m1)), measured(_, _, meas(m3))"]\n',
+    FACTS.replace("statics:\n  - needs(m1, thickness)  # the first\n  - needs(m2, thickness), "
+    "needs(m3, "
+    "profile)\n",
+                  'statics: ["needs(m1, thickness)", "needs(m2, thickness), needs(m3, '
+                  'profile)"]\n') + GOALS,
+    FACTS + 'goals: ["measured(_, _, meas(m2))", "measured(_, _, meas(m1)), measured(_, _, '
+    'meas(m3))"]\n',
 ]  # fmt: skip
 
 
@@ -117,7 +123,9 @@ def test_bundled_problems_can_be_changed(tmp_path: Path, file: Path) -> None:
     gone = "m3" if "m3" in before.objects else "c2"
     edit_measurements(tmp_path / "p.yaml", "removed", [gone])
     edit_measurements(
-        tmp_path / "p.yaml", "added", [MeasurementPoint("m90", "m90", "profile", (0, 0, 0), (0, 0, 1))]
+        tmp_path / "p.yaml",
+        "added",
+        [MeasurementPoint("m90", "m90", "profile", (0, 0, 0), (0, 0, 1))],
     )
     assert measurements(tmp_path) == {*before.objects} - {gone} | {"m90"}
 
@@ -182,7 +190,9 @@ def test_ranges_without_a_name_are_all_the_others(numbers: set[int], data: st.Da
             items.append(f"m{number}")
     gone = f"m{data.draw(st.sampled_from(sorted(numbers)))}"
     text = ["objects:", f"  measurement: [{', '.join(items)}]"]
-    found = find_list(remove_measurement_lines(text, gone, "p", WORDS), ("objects", "measurement"), "p")
+    found = find_list(
+        remove_measurement_lines(text, gone, "p", WORDS), ("objects", "measurement"), "p"
+    )
     assert found is not None
     names = {name for each in found.entries() for name in _names(each.text)}
     assert names == {f"m{number}" for number in numbers} - {gone}
@@ -196,6 +206,9 @@ def _names(item: str) -> list[str]:
 
 def test_a_range_grows_when_its_next_name_is_added() -> None:
     lines = add_measurement_lines(
-        ["objects:", "  measurement: [m1..3]", "goals: []"], NEW, "p", load_domain("bulkhead").conventions
+        ["objects:", "  measurement: [m1..3]", "goals: []"],
+        NEW,
+        "p",
+        load_domain("bulkhead").conventions,
     )
     assert lines[1] == "  measurement: [m1..4]"

@@ -16,7 +16,9 @@ from cellwright.kb.terms import Function, Variable
 
 
 def flipped(count: int) -> tuple[Problem, Plan]:
-    """Steps without any order that each turn a switch over: the checker sees that they interfere."""
+    """Steps without any order that each turn a switch over: the checker sees that they
+    interfere.
+    """
     off, one = Function("off"), Function("done", (Variable("X"),))
     flip = Operator(
         "flip",
@@ -40,7 +42,9 @@ def flipped(count: int) -> tuple[Problem, Plan]:
         operators=(flip,),
     )
     undone = Exists((Parameter(Variable("X"), "thing"),), Literal(one, False))
-    problem = Problem("even", domain, goal=And((Not(undone), Literal(off, count % 2 == 1))), complete=True)
+    problem = Problem(
+        "even", domain, goal=And((Not(undone), Literal(off, count % 2 == 1))), complete=True
+    )
     steps = (Step(StepId(n), Function("flip", (Function(t),))) for n, t in enumerate(things, 1))
     return problem, Plan(tuple(steps))
 

@@ -81,7 +81,8 @@ def test_the_names_of_variables_mean_nothing(tmp_path: Path, name: str) -> None:
     names = {variable: f"?{name}{number}" for number, variable in enumerate(found)}
     renamed = re.sub(r"\?[a-z]+", lambda variable: names[variable[0]], DOMAIN)
     assert [
-        str(each.instance) for each in checked_plan.ground(task(tmp_path, renamed).problem).operators
+        str(each.instance)
+        for each in checked_plan.ground(task(tmp_path, renamed).problem).operators
     ] == plain
 
 
@@ -94,8 +95,14 @@ def test_a_plan_that_skips_a_precondition_is_refused(tmp_path: Path) -> None:
 
 
 def test_names_that_asp_does_not_allow_are_kept_apart(tmp_path: Path) -> None:
-    domain = "(define (domain d) (:predicates (not-x) (not_x) (Object ?o)) (:action a :parameters (?o-1 ?o_1)"
-    domain += " :precondition (and (object ?o-1) (not (object ?o_1))) :effect (and (not-x) (not (not_x)))))"
+    domain = (
+        "(define (domain d) (:predicates (not-x) (not_x) (Object ?o)) (:action a :parameters "
+        "(?o-1 ?o_1)"
+    )
+    domain += (
+        " :precondition (and (object ?o-1) (not (object ?o_1))) :effect (and (not-x) (not "
+        "(not_x)))))"
+    )
     problem = "(define (problem p) (:domain d) (:objects 1a a-b a_b) (:init (object 1a) (not_x))"
     problem += " (:goal (and (not-x) (not (not_x)))))"
     read = task(tmp_path, domain, problem)
@@ -121,7 +128,12 @@ WRONG = {
         "K106",
         "never closed",
     ),
-    "too many": ("(:metric minimize (total-cost)))", "(:metric minimize (total-cost))))", "K106", "outside"),
+    "too many": (
+        "(:metric minimize (total-cost)))",
+        "(:metric minimize (total-cost))))",
+        "K106",
+        "outside",
+    ),
     "timed literal": ("(dusty hall)", "(at 5 (dusty hall))", "K802", "not supported"),
     "number": ("(= (total-cost) 0)", "(= (total-cost) 1e3)", "K802", "whole or decimal"),
     "constraints": (
@@ -147,8 +159,16 @@ def test_what_is_wrong_with_a_problem_is_said_at_its_place(tmp_path: Path, name:
 
 WRONG_DOMAINS = {
     "durative action": ("(:action report", "(:durative-action report", "K802"),
-    "numeric condition": ("(at ?r ?p) (dusty ?p))", "(at ?r ?p) (> (/ 1 (distance ?p ?p)) 3))", "K802"),
-    "numeric effect": ("(not (dusty ?p)) (increase (total-cost) 1)", "(decrease 1 (total-cost))", "K801"),
+    "numeric condition": (
+        "(at ?r ?p) (dusty ?p))",
+        "(at ?r ?p) (> (/ 1 (distance ?p ?p)) 3))",
+        "K802",
+    ),
+    "numeric effect": (
+        "(not (dusty ?p)) (increase (total-cost) 1)",
+        "(decrease 1 (total-cost))",
+        "K801",
+    ),
     "undeclared variable": ("(at ?r ?p) (dusty ?p)", "(at ?r ?p) (dusty ?q)", "K105"),
     "unknown type": ("?c - crate ?p - place", "?c - crat ?p - place", "K101"),
     "type cycle": ("room - place", "room - place place - room", "K109"),

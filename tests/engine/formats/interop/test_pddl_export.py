@@ -69,7 +69,10 @@ def test_an_export_has_the_plans_of_its_problem(file: Path, lifted: bool, tmp_pa
     problem = checked_plan.problem_of(str(file))
     text = pddl_text_of(problem, ground(problem), lifted)
     read = reread(text, tmp_path)
-    own, theirs = checked_plan.plan_problem(problem, FIRST), checked_plan.plan_problem(read.problem, FIRST)
+    own, theirs = (
+        checked_plan.plan_problem(problem, FIRST),
+        checked_plan.plan_problem(read.problem, FIRST),
+    )
     assert isinstance(own, Infeasible) == isinstance(theirs, Infeasible)
     if isinstance(own, Found):
         assert isinstance(theirs, Found)
@@ -96,7 +99,10 @@ def test_what_is_read_of_pddl_can_be_written_again(tmp_path: Path) -> None:
     assert isinstance(theirs, Found)
     assert own.plan.cost == theirs.plan.cost
     assert (
-        checked_plan.check_plan(first.problem, import_plan(text, write_pddl_plan(again, theirs.plan))) == []
+        checked_plan.check_plan(
+            first.problem, import_plan(text, write_pddl_plan(again, theirs.plan))
+        )
+        == []
     )
 
 
@@ -120,14 +126,18 @@ def test_deduction_that_leads_back_to_itself_is_exported_ground() -> None:
     back = DeductiveOperator(
         Literal(trigger, False), parameters, (), (Consequence(consequence, False, (), parameters),)
     )
-    domain = replace(problem.domain, deductive_operators=(*problem.domain.deductive_operators, back))
+    domain = replace(
+        problem.domain, deductive_operators=(*problem.domain.deductive_operators, back)
+    )
     text = pddl_text_of(replace(problem, domain=domain), ground(problem))
     assert not text.lifted
     assert "leads back to itself" in text.why_ground
 
 
 def _agrees(problem: Problem, lifted: bool, folder: Path) -> None:
-    """The export of a random problem has a plan if brute force finds one, and it is one for the problem."""
+    """The export of a random problem has a plan if brute force finds one, and it is one for the
+    problem.
+    """
     try:
         text = pddl_text_of(problem, ground(problem), lifted)
     except InvalidInput:  # contradictions and ambiguities have no export
@@ -142,14 +152,18 @@ def _agrees(problem: Problem, lifted: bool, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
-@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(problem=problems(conditional=True))
 def test_random_problems_are_exported(problem: Problem, lifted: bool, tmp_path: Path) -> None:
     _agrees(problem, lifted, tmp_path)
 
 
 @pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
-@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(problem=problems(deductive=True))
 def test_deduction_is_compiled(problem: Problem, lifted: bool, tmp_path: Path) -> None:
     _agrees(problem, lifted, tmp_path)
@@ -175,12 +189,16 @@ def chained(draw: st.DrawFn) -> Problem:
     stages = st.lists(st.sampled_from(STAGES), min_size=1, max_size=2).map(tuple)
     chains = [Chain("one", draw(stages), (), draw(st.sampled_from([None, CONSTANTS[0]])))]
     if draw(st.booleans()):
-        chains.append(Chain("other", draw(stages), ("one",) if draw(st.booleans()) else (), CONSTANTS[0]))
+        chains.append(
+            Chain("other", draw(stages), ("one",) if draw(st.booleans()) else (), CONSTANTS[0])
+        )
     return replace(problem, domain=domain, goal=ALWAYS_TRUE, chains=tuple(chains))
 
 
 @pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
-@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(problem=chained())
 def test_workflows_are_compiled(problem: Problem, lifted: bool, tmp_path: Path) -> None:
     try:
@@ -199,7 +217,9 @@ def test_workflows_are_compiled(problem: Problem, lifted: bool, tmp_path: Path) 
 
 
 def test_stages_that_can_be_reached_in_several_ways_are_planned() -> None:
-    """Either of two steps may reach the last stage of `one`: the plan means another than the checker sees first."""
+    """Either of two steps may reach the last stage of `one`: the plan means another than the
+    checker sees first.
+    """
     a, b = (Function("p", (term,)) for term in CONSTANTS)
     done = Function("done", (CONSTANTS[0],))
     operators = (
@@ -211,7 +231,9 @@ def test_stages_that_can_be_reached_in_several_ways_are_planned() -> None:
         "ways", TYPES, objects=objects, predicates={**PREDICATES, "done": DONE}, operators=operators
     )
     chains = (Chain("one", (b, a)), Chain("other", (done, a), (), CONSTANTS[0]))
-    assert isinstance(checked_plan.plan_problem(Problem("ways", domain, chains=chains, complete=True)), Found)
+    assert isinstance(
+        checked_plan.plan_problem(Problem("ways", domain, chains=chains, complete=True)), Found
+    )
 
 
 @pytest.mark.parametrize(
@@ -237,7 +259,9 @@ def test_what_is_no_action_of_the_export_is_pointed_at() -> None:
     problem = checked_plan.problem_of("bulkhead/one_point")
     text = pddl_text_of(problem, ground(problem))
     with pytest.raises(InvalidInput) as error:
-        import_plan(text, "(mvoe t3_746)\n(move t3_746)\n(apply_couplant t3_746 m2 m9 m9 m9)\n", "sas_plan")
+        import_plan(
+            text, "(mvoe t3_746)\n(move t3_746)\n(apply_couplant t3_746 m2 m9 m9 m9)\n", "sas_plan"
+        )
     said = [str(each) for each in sorted(error.value.diagnostics, key=lambda each: each.where.line)]
     assert "sas_plan:1:2" in said[0]
     assert "did you mean 'move'?" in said[0]
@@ -250,7 +274,9 @@ def test_what_is_no_action_of_the_export_is_pointed_at() -> None:
 @given(cases())
 @settings(max_examples=5, deadline=None)
 def test_quantities_are_written_as_numeric_fluents(case: tuple[str, str]) -> None:
-    """Random jugs: the export has a plan if the problem has one, and plans of each are plans of the other."""
+    """Random jugs: the export has a plan if the problem has one, and plans of each are plans of
+    the other.
+    """
     with TemporaryDirectory() as folder:
         problem = loaded(*case, folder)
         text = pddl_text_of(problem, ground(problem))
@@ -264,4 +290,6 @@ def test_quantities_are_written_as_numeric_fluents(case: tuple[str, str]) -> Non
             imported = import_plan(text, write_pddl_plan(read, theirs.plan))
             assert checked_plan.check_plan(problem, imported) == []
             (Path(folder) / "plan").write_text(text.plans.written(own.plan))
-            assert checked_plan.check_plan(read.problem, read_plan(read, Path(folder) / "plan")) == []
+            assert (
+                checked_plan.check_plan(read.problem, read_plan(read, Path(folder) / "plan")) == []
+            )

@@ -1,4 +1,6 @@
-"""Numbers in PDDL: what is read, what is refused, and plans against brute force with exact fractions."""
+"""Numbers in PDDL: what is read, what is refused, and plans against brute force with exact
+fractions.
+"""
 
 import itertools
 from dataclasses import dataclass
@@ -48,7 +50,9 @@ def read(folder: Path, domain: str = DOMAIN, problem: str = PROBLEM) -> PddlProb
     return read_pddl_task(folder / "domain.pddl", folder / "problem.pddl")
 
 
-def test_decimals_become_whole_numbers_and_costs_are_told_as_they_were_meant(tmp_path: Path) -> None:
+def test_decimals_become_whole_numbers_and_costs_are_told_as_they_were_meant(
+    tmp_path: Path,
+) -> None:
     task = read(tmp_path)
     outcome = checked_plan.plan_problem(task.problem, SearchLimits())
     assert isinstance(outcome, Found)
@@ -70,7 +74,11 @@ def test_what_nothing_reads_is_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("(decrease (level ?t) 0.75)", "(decrease (level ?t) (* (level ?t) (level ?t)))", "not linear"),
+        (
+            "(decrease (level ?t) 0.75)",
+            "(decrease (level ?t) (* (level ?t) (level ?t)))",
+            "not linear",
+        ),
         ("(>= (level ?t) 0.75)", "(>= (* (level ?t) (level ?t)) 1)", "not linear"),
         ("(>= (level ?t) 0.75)", "(>= (/ 1 (level ?t)) 1)", "divisions are by numbers"),
         ("(>= (level ?t) 0.75)", "(>= (depth ?t) 1)", "no function 'depth'"),
@@ -81,8 +89,16 @@ def test_what_nothing_reads_is_left_out(tmp_path: Path) -> None:
             "(when (open quick) (decrease (level ?t) 1))",
             "only under a condition",
         ),
-        ("(decrease (level ?t) 0.75)", "(decrease (level ?t) (* 0.5 (level ?t)))", "finer than a millionth"),
-        ("(increase (energy) 1.5)", "(when (open slow) (increase (energy) 1))", "only under a condition"),
+        (
+            "(decrease (level ?t) 0.75)",
+            "(decrease (level ?t) (* 0.5 (level ?t)))",
+            "finer than a millionth",
+        ),
+        (
+            "(increase (energy) 1.5)",
+            "(when (open slow) (increase (energy) 1))",
+            "only under a condition",
+        ),
         ("(= (level a) 0)", "(= (level a) 1e3)", "initial value"),
         ("(= (level a) 0)", "(= (level a) 99999999999)", "too large"),
     ],
@@ -100,8 +116,12 @@ def test_numbers_that_are_not_simple_are_refused_with_their_place(
     assert all(each.where.line > 1 for each in found)
 
 
-def test_a_metric_that_is_no_sum_of_fixed_costs_is_not_followed_and_that_is_told(tmp_path: Path) -> None:
-    task = read(tmp_path, DOMAIN.replace("(increase (energy) 0.1)", "(increase (energy) (level ?t))"))
+def test_a_metric_that_is_no_sum_of_fixed_costs_is_not_followed_and_that_is_told(
+    tmp_path: Path,
+) -> None:
+    task = read(
+        tmp_path, DOMAIN.replace("(increase (energy) 0.1)", "(increase (energy) (level ?t))")
+    )
     assert [each.message for each in task.warnings] == [
         "the metric is not followed: energy rises by amounts that change"
     ]
@@ -119,7 +139,10 @@ def test_a_function_without_arguments_may_stand_without_parentheses(tmp_path: Pa
 
 @dataclass(frozen=True)
 class Act:
-    """An action on two numbers: it needs `factors` . (x, y) `relation` `bound`, and adds `by`, or assigns `by` to x."""
+    """An action on two numbers: it needs `factors` .
+
+    (x, y) `relation` `bound`, and adds `by`, or assigns `by` to x.
+    """
 
     factors: tuple[Fraction, Fraction]
     relation: str
@@ -139,7 +162,10 @@ class Act:
         first, second = map(said, self.by)
         change = f"(assign (x) {first})" if self.assigns else f"(increase (x) {first})"
         kept = f"{first}" if self.assigns else f"(+ (x) {first})"
-        needed = f"({self.relation} (+ (* {said(self.factors[0])} (x)) (* {said(self.factors[1])} (y))) {said(self.bound)})"
+        needed = (
+            f"({self.relation} (+ (* {said(self.factors[0])} (x)) (* {said(self.factors[1])} "
+            f"(y))) {said(self.bound)})"
+        )
         within = f"(<= {kept} 3) (>= {kept} -3) (<= (+ (y) {second}) 3) (>= (+ (y) {second}) -3)"
         return (
             f"(:action {name} :precondition (and {needed} {within})"
@@ -159,7 +185,9 @@ acts = st.builds(
 )  # fmt: skip
 
 
-def reachable(given: list[Act], start: tuple[Fraction, Fraction], wanted: tuple[Fraction, Fraction]) -> bool:
+def reachable(
+    given: list[Act], start: tuple[Fraction, Fraction], wanted: tuple[Fraction, Fraction]
+) -> bool:
     """Whether steps lead to x >= wanted[0] and not y = wanted[1]."""
     seen, waiting = {start}, [start]
     while waiting:
@@ -182,7 +210,10 @@ def reachable(given: list[Act], start: tuple[Fraction, Fraction], wanted: tuple[
 )
 @settings(max_examples=12, deadline=None)
 def test_plans_with_fractions_agree_with_brute_force(
-    given: list[Act], start: tuple[Fraction, Fraction], wanted: tuple[Fraction, Fraction], strategy: str
+    given: list[Act],
+    start: tuple[Fraction, Fraction],
+    wanted: tuple[Fraction, Fraction],
+    strategy: str,
 ) -> None:
     """Every plan has been accepted by the checker."""
     names = (f"act{number}" for number in itertools.count())

@@ -1,7 +1,8 @@
-"""Exports seen by others: Fast Downward plans them, unified-planning's validator checks our plans for them.
+"""Exports seen by others: Fast Downward plans them, unified-planning's validator checks our plans
+for them.
 
-Fast Downward is looked for in this environment (the package `up-fast-downward`), in that of the Python which
-CELLWRIGHT_PEERS names, and on the path.
+Fast Downward is looked for in this environment (the package `up-fast-downward`), in that of the
+Python which CELLWRIGHT_PEERS names, and on the path.
 """
 
 import functools
@@ -23,7 +24,8 @@ from tests.places import DOMAINS
 SOLVED, PROVED_UNSOLVABLE = 0, (10, 11)  # exit codes of its driver
 HERE = Path(__file__)
 TESTED = sorted(
-    file for file in (*DOMAINS.glob("*/problems/*.yaml"), *HERE.parent.glob("pantry/problems/*.yaml"))
+    file
+    for file in (*DOMAINS.glob("*/problems/*.yaml"), *HERE.parent.glob("pantry/problems/*.yaml"))
 )
 BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(find_target(name))]
 
@@ -45,7 +47,9 @@ def fast_downward() -> tuple[str, ...]:
 
 
 @pytest.mark.parametrize("file", [*BUNDLED, *TESTED], ids=named)
-def test_fast_downward_solves_exports_and_its_plans_are_accepted(file: Path, tmp_path: Path) -> None:
+def test_fast_downward_solves_exports_and_its_plans_are_accepted(
+    file: Path, tmp_path: Path
+) -> None:
     _solved(file, True, tmp_path)
 
 

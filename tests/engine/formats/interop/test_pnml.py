@@ -14,7 +14,13 @@ from cellwright.engine.formats.interop.pnml import (
     write_contact_net,
     write_pnml,
 )
-from cellwright.engine.model.task_space import ContactNet, PetriArc, PetriNet, PetriPlace, PetriTransition
+from cellwright.engine.model.task_space import (
+    ContactNet,
+    PetriArc,
+    PetriNet,
+    PetriPlace,
+    PetriTransition,
+)
 from cellwright.engine.pipelines import contact_states
 from cellwright.engine.pipelines.contact_states import NetRequest
 from cellwright.kb.diagnostics import InvalidInput
@@ -39,7 +45,9 @@ def read_again(net: PetriNet) -> PetriNet:
 
 
 @pytest.mark.parametrize("full", [False, True])
-def test_an_unfolded_net_is_read_as_it_was_written(nets: dict[bool, ContactNet], full: bool) -> None:
+def test_an_unfolded_net_is_read_as_it_was_written(
+    nets: dict[bool, ContactNet], full: bool
+) -> None:
     net = unfold_net(nets[full])
     assert read_again(net) == net
     assert not net.coloured
@@ -54,7 +62,9 @@ def test_a_symmetric_net_is_read_as_it_was_written(nets: dict[bool, ContactNet])
 def test_a_document_is_written_as_it_was_read(nets: dict[bool, ContactNet], tmp_path: Path) -> None:
     for coloured in (False, True):
         (tmp_path / "net.pnml").write_text(write_contact_net(nets[False], coloured), "utf-8")
-        assert write_pnml(read_pnml(tmp_path / "net.pnml")) == write_contact_net(nets[False], coloured)
+        assert write_pnml(read_pnml(tmp_path / "net.pnml")) == write_contact_net(
+            nets[False], coloured
+        )
 
 
 def test_every_token_is_in_one_place_at_the_start(nets: dict[bool, ContactNet]) -> None:
@@ -67,7 +77,9 @@ def test_a_transition_brings_the_tokens_that_it_takes(nets: dict[bool, ContactNe
     net = symmetric_net(nets[False])
     for each in net.transitions:
         took = sorted(name for arc in net.arcs if arc.target == each.id for name in arc.variables)
-        brought = sorted(name for arc in net.arcs if arc.source == each.id for name in arc.variables)
+        brought = sorted(
+            name for arc in net.arcs if arc.source == each.id for name in arc.variables
+        )
         assert took == brought == sorted(name for name, _ in each.variables)
 
 
@@ -82,10 +94,15 @@ def petri_nets(draw: st.DrawFn) -> PetriNet:
         for n in range(draw(st.integers(1, 3)))
     )
     transitions = tuple(
-        PetriTransition(f"t{n}", draw(names), (), draw(notes)) for n in range(draw(st.integers(1, 3)))
+        PetriTransition(f"t{n}", draw(names), (), draw(notes))
+        for n in range(draw(st.integers(1, 3)))
     )
     arcs = tuple(
-        PetriArc(f"a{n}", *((p.id, t.id) if draw(st.booleans()) else (t.id, p.id)), draw(st.integers(1, 9)))
+        PetriArc(
+            f"a{n}",
+            *((p.id, t.id) if draw(st.booleans()) else (t.id, p.id)),
+            draw(st.integers(1, 9)),
+        )
         for n, (p, t) in enumerate((p, t) for p in places for t in transitions)
     )
     return PetriNet("net", places, transitions, arcs)

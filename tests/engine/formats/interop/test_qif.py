@@ -18,7 +18,9 @@ from cellwright.engine.formats.interop.qif.point_placement import (
 from cellwright.engine.model.part_measurements import DrawnFeature
 from cellwright.kb.diagnostics import InvalidInput
 
-HEAD = '<?xml version="1.0"?><QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">'
+HEAD = (
+    '<?xml version="1.0"?><QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">'
+)
 UNITS = {
     "mm": "<LinearUnit><UnitName>mm</UnitName><UnitConversion><Factor>0.001</Factor></UnitConversion></LinearUnit>",
     "inch": "<LinearUnit><UnitName>inch</UnitName></LinearUnit>",
@@ -129,11 +131,15 @@ def test_deep_nesting_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "nominal",
     [
-        '<PlaneFeatureNominal id="1"><FeatureDefinitionId>99</FeatureDefinitionId></PlaneFeatureNominal>',
-        '<LineFeatureNominal id="1"><FeatureDefinitionId>5</FeatureDefinitionId><Length>x</Length></LineFeatureNominal>',
+        "<PlaneFeatureNominal "
+        'id="1"><FeatureDefinitionId>99</FeatureDefinitionId></PlaneFeatureNominal>',
+        "<LineFeatureNominal "
+        'id="1"><FeatureDefinitionId>5</FeatureDefinitionId><Length>x</Length></LineFeatureNominal>',
     ],
 )
-def test_features_that_do_not_hold_together_are_said_with_their_line(tmp_path: Path, nominal: str) -> None:
+def test_features_that_do_not_hold_together_are_said_with_their_line(
+    tmp_path: Path, nominal: str
+) -> None:
     with pytest.raises(InvalidInput) as caught:
         inspection_of(document(tmp_path, nominals=nominal))
     assert caught.value.diagnostics[0].where.line > 0
@@ -148,7 +154,9 @@ def plane(tolerance_in: float | None = None) -> DrawnFeature:
     ("area", "tolerance", "count"),
     [(1, None, 3), (3, None, 4), (30, None, 5), (100, 0.005, 20), (100, 0.02, 10), (100, 0.05, 5)],
 )
-def test_points_on_surfaces_follow_the_rules(area: float, tolerance: float | None, count: int) -> None:
+def test_points_on_surfaces_follow_the_rules(
+    area: float, tolerance: float | None, count: int
+) -> None:
     assert surface_points(area * INCH_M**2, plane(tolerance)) == count
 
 
@@ -162,7 +170,9 @@ def test_a_narrower_tolerance_never_asks_for_fewer_points(one: float, other: flo
     narrow, wide = sorted((one, other))
     counts = [
         section_points(
-            DrawnFeature("f", "Cylinder", (0, 0, 0), (0, 0, 1), tolerances={"Diameter": each * INCH_M})
+            DrawnFeature(
+                "f", "Cylinder", (0, 0, 0), (0, 0, 1), tolerances={"Diameter": each * INCH_M}
+            )
         )
         for each in (narrow, wide)
     ]

@@ -34,7 +34,8 @@ def datum(document: Document, label: str, features: list[str]) -> str:
     ids = "".join(f"<Id>{each[1:]}</Id>" for each in features)
     return document.add(
         "DatumDefinitions",
-        f'<DatumDefinition id="{{id}}"><DatumLabel>{label}</DatumLabel><FeatureNominalIds>{ids}</FeatureNominalIds>'
+        "<DatumDefinition "
+        f'id="{{id}}"><DatumLabel>{label}</DatumLabel><FeatureNominalIds>{ids}</FeatureNominalIds>'
         "</DatumDefinition>",
     )
 
@@ -68,7 +69,10 @@ def test_datums_come_first_in_their_order(tmp_path: Path, framed: bool) -> None:
 def test_the_sequence_of_an_imported_part_keeps_the_alignment(tmp_path: Path) -> None:
     document = Document()
     names = squares(document, 6)
-    frame(document, [datum(document, label, [names[at]]) for label, at in (("A", 3), ("B", 0), ("C", 5))])
+    frame(
+        document,
+        [datum(document, label, [names[at]]) for label, at in (("A", 3), ("B", 0), ("C", 5))],
+    )
     file = tmp_path / "problem.yaml"
     file.write_text(import_file(document.written(tmp_path), "bulkhead")[2])
     problem = load(file).problem

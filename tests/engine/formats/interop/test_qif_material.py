@@ -1,4 +1,6 @@
-"""Points of QIF features lie on the material of their faces, whatever curves and surfaces bound it."""
+"""Points of QIF features lie on the material of their faces, whatever curves and surfaces bound
+it.
+"""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -47,7 +49,11 @@ class Sheet:
     def __init__(self, document: Document, scale: float = 1.0, tilted: bool = True) -> None:
         self.document = document
         self.scale = scale
-        axes = np.linalg.qr(np.array([[1.0, 2, 3], [-1, 0.5, 2], [0.3, -2, 1]]))[0] if tilted else np.eye(3)
+        axes = (
+            np.linalg.qr(np.array([[1.0, 2, 3], [-1, 0.5, 2], [0.3, -2, 1]]))[0]
+            if tilted
+            else np.eye(3)
+        )
         self.u, self.v = axes[0] * scale, axes[1] * scale
         self.up = np.cross(axes[0], axes[1])
         self.origin = np.array([5.0, -3, 8]) if tilted else np.zeros(3)
@@ -77,7 +83,12 @@ class Sheet:
                 for t in (first, first + np.pi)
             ]
             space = arc(
-                self.at(centre), radius * self.scale, first, first + np.pi, self.u / self.scale, self.up
+                self.at(centre),
+                radius * self.scale,
+                first,
+                first + np.pi,
+                self.u / self.scale,
+                self.up,
             )
             flat = arc(centre, radius, first, first + np.pi, (1, 0))
             edges.append(self.document.coedge(space, (ends[0], ends[1]), flat)[0])
@@ -103,7 +114,9 @@ def ellipse_hole(sheet: Sheet) -> str:
 
 def nurbs_hole(sheet: Sheet) -> str:
     flat = np.array(CIRCLE) * 25 + (50, 30)
-    return sheet.whole(nurbs(sheet.at(flat), KNOTS, 3, WEIGHTS), nurbs(flat, KNOTS, 3, WEIGHTS), (75, 30))
+    return sheet.whole(
+        nurbs(sheet.at(flat), KNOTS, 3, WEIGHTS), nurbs(flat, KNOTS, 3, WEIGHTS), (75, 30)
+    )
 
 
 def polyline_hole(sheet: Sheet) -> str:
@@ -130,7 +143,10 @@ def aggregate_hole(sheet: Sheet) -> str:
             flat.append((arc((x, 30), 10, first, first + np.pi, (1, 0)), False))
             unit = sheet.u / sheet.scale
             space.append(
-                (arc(sheet.at((x, 30)), 10 * sheet.scale, first, first + np.pi, unit, sheet.up), False)
+                (
+                    arc(sheet.at((x, 30)), 10 * sheet.scale, first, first + np.pi, unit, sheet.up),
+                    False,
+                )
             )
     return sheet.whole(aggregate(space, 3), aggregate(flat, 2), (30, 20))
 
@@ -171,7 +187,9 @@ def test_points_keep_out_of_holes_bounded_by_any_curve(
 def test_a_turned_face_has_its_normal_at_the_other_side(tmp_path: Path) -> None:
     document = Document()
     sheet = Sheet(document)
-    document.feature("Plane", [document.face(sheet.core, [sheet.polygon(RECTANGLE)], 'turned="true"')])
+    document.feature(
+        "Plane", [document.face(sheet.core, [sheet.polygon(RECTANGLE)], 'turned="true"')]
+    )
     found = on_material(document.written(tmp_path))
     assert all(np.allclose(each.normal, -sheet.up) for each in found.points)
 
@@ -191,7 +209,8 @@ def test_points_stay_as_far_from_edges_as_asked(tmp_path: Path, gap: float) -> N
     document = Document()
     sheet = Sheet(document, tilted=False)
     face = document.face(
-        sheet.core, [sheet.polygon([(0, 0), (100, 0), (100, 60), (0, 60)]), sheet.circle((50, 30), 20)]
+        sheet.core,
+        [sheet.polygon([(0, 0), (100, 0), (100, 60), (0, 60)]), sheet.circle((50, 30), 20)],
     )
     document.feature("Plane", [face])
     for each in on_material(document.written(tmp_path), gap * 1e-3).points:
@@ -199,7 +218,9 @@ def test_points_stay_as_far_from_edges_as_asked(tmp_path: Path, gap: float) -> N
         assert min(x, y, 100 - x, 60 - y, np.hypot(x - 50, y - 30) - 20) >= gap - 1e-6
 
 
-def test_where_material_is_too_narrow_the_points_lie_in_its_middle_and_it_is_said(tmp_path: Path) -> None:
+def test_where_material_is_too_narrow_the_points_lie_in_its_middle_and_it_is_said(
+    tmp_path: Path,
+) -> None:
     document = Document()
     sheet = Sheet(document, tilted=False)
     frame = document.face(
@@ -217,18 +238,28 @@ def test_a_face_of_many_loops_in_one_another(tmp_path: Path) -> None:
     """An island in a hole is a face of its own."""
     document = Document()
     sheet = Sheet(document)
-    ring = document.face(sheet.core, [sheet.circle((50, 30), 29, "OUTER"), sheet.circle((50, 30), 20)])
-    island = document.face(sheet.core, [sheet.circle((50, 30), 10, "OUTER"), sheet.circle((50, 30), 5)])
+    ring = document.face(
+        sheet.core, [sheet.circle((50, 30), 29, "OUTER"), sheet.circle((50, 30), 20)]
+    )
+    island = document.face(
+        sheet.core, [sheet.circle((50, 30), 10, "OUTER"), sheet.circle((50, 30), 5)]
+    )
     document.feature("Plane", [ring, island])
     found = on_material(document.written(tmp_path))
-    away = [np.linalg.norm(np.array(each.position) * 1e3 - sheet.at((50, 30))) for each in found.points]
+    away = [
+        np.linalg.norm(np.array(each.position) * 1e3 - sheet.at((50, 30))) for each in found.points
+    ]
     assert all(5 < each < 10 or 20 < each < 29 for each in away)
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     reach=st.lists(st.floats(20, 100), min_size=3, max_size=12),
-    holes=st.lists(st.tuples(st.floats(-60, 60), st.floats(-60, 60), st.floats(0.5, 15)), max_size=6),
+    holes=st.lists(
+        st.tuples(st.floats(-60, 60), st.floats(-60, 60), st.floats(0.5, 15)), max_size=6
+    ),
     flat=st.booleans(),
 )
 def test_points_lie_on_material_of_any_star_with_round_holes(
@@ -242,17 +273,23 @@ def test_points_lie_on_material_of_any_star_with_round_holes(
         each
         for number, each in enumerate(holes)
         if np.hypot(*each[:2]) + each[2] < min(reach) / 2.1
-        and all(np.hypot(each[0] - o[0], each[1] - o[1]) > each[2] + o[2] + 0.5 for o in holes[:number])
+        and all(
+            np.hypot(each[0] - o[0], each[1] - o[1]) > each[2] + o[2] + 0.5 for o in holes[:number]
+        )
     ]
     loops = [sheet.polygon(corners), *(sheet.circle((x, y), r) for x, y, r in apart)]
     document.feature("Plane", [document.face(sheet.core, loops)])
     assert len(on_material(document.written(tmp_path)).points) >= 3
 
 
-def cylinder(diameter: float = 20, length: float = 50, scale: float = 1.0, attributes: str = "") -> str:
+def cylinder(
+    diameter: float = 20, length: float = 50, scale: float = 1.0, attributes: str = ""
+) -> str:
     return (
-        f'<Cylinder23Core scaleV="{scale}" {attributes}><Diameter>{diameter}</Diameter><Length>{length}</Length><Axis>'
-        "<AxisPoint>0 0 0</AxisPoint><Direction>0 0 1</Direction></Axis><Sweep><DirBeg>1 0 0</DirBeg>"
+        f'<Cylinder23Core scaleV="{scale}" '
+        f"{attributes}><Diameter>{diameter}</Diameter><Length>{length}</Length><Axis>"
+        "<AxisPoint>0 0 0</AxisPoint><Direction>0 0 1</Direction></Axis><Sweep><DirBeg>1 0 "
+        "0</DirBeg>"
         f"<DomainAngle>0 {TURN:.15g}</DomainAngle></Sweep></Cylinder23Core>"
     )
 
@@ -260,7 +297,8 @@ def cylinder(diameter: float = 20, length: float = 50, scale: float = 1.0, attri
 def cone(bottom: float, top: float, length: float = 20) -> str:
     return (
         f"<Cone23Core><DiameterBottom>{bottom}</DiameterBottom><DiameterTop>{top}</DiameterTop><Length>{length}</Length>"
-        "<Axis><AxisPoint>0 0 0</AxisPoint><Direction>0 0 1</Direction></Axis><Sweep><DirBeg>1 0 0</DirBeg>"
+        "<Axis><AxisPoint>0 0 0</AxisPoint><Direction>0 0 1</Direction></Axis><Sweep><DirBeg>1 "
+        "0 0</DirBeg>"
         f"<DomainAngle>0 {TURN:.15g}</DomainAngle></Sweep></Cone23Core>"
     )
 
@@ -280,7 +318,9 @@ AXIS = "<Axis><AxisPoint>0 0 0</AxisPoint><Direction>0 0 1</Direction></Axis>"
 def seamed(document: Document, low: float, high: float, scale: float) -> str:
     """The one loop of a whole cylinder: up and down the seam, and round both ends."""
     a, b = (10, 0, low), (10, 0, high)
-    seam, edge = document.coedge(segment(a, b), (a, b), segment((TURN, low / scale), (TURN, high / scale)))
+    seam, edge = document.coedge(
+        segment(a, b), (a, b), segment((TURN, low / scale), (TURN, high / scale))
+    )
     bottom = document.coedge(
         arc((0, 0, low), 10, 0, TURN, (1, 0, 0), (0, 0, 1)),
         (a, a),
@@ -349,7 +389,10 @@ def test_two_rings_bound_a_band_whatever_they_are_called(
     document.feature("Cylinder", [document.face(cylinder(), loops)], ROUND, AXIS)
     found = on_material(document.written(tmp_path))
     assert all(0.02 < each.position[2] < 0.03 for each in found.points)
-    assert len({round(float(np.arctan2(each.position[1], each.position[0]))) for each in found.points}) > 3
+    assert (
+        len({round(float(np.arctan2(each.position[1], each.position[0]))) for each in found.points})
+        > 3
+    )
 
 
 def test_a_cone_to_its_tip_has_one_ring(tmp_path: Path) -> None:
@@ -366,9 +409,12 @@ def test_a_cone_to_its_tip_has_one_ring(tmp_path: Path) -> None:
 
 def sphere(radius: float = 10) -> str:
     return (
-        f"<Sphere23Core><Diameter>{2 * radius}</Diameter><Location>0 0 0</Location><LatitudeLongitudeSweep>"
-        f"<DirMeridianPrime>1 0 0</DirMeridianPrime><DomainLatitude>{-np.pi / 2} {np.pi / 2}</DomainLatitude>"
-        f"<DomainLongitude>0 {TURN}</DomainLongitude><DirNorthPole>0 0 1</DirNorthPole></LatitudeLongitudeSweep>"
+        f"<Sphere23Core><Diameter>{2 * radius}</Diameter><Location>0 0 "
+        "0</Location><LatitudeLongitudeSweep>"
+        f"<DirMeridianPrime>1 0 0</DirMeridianPrime><DomainLatitude>{-np.pi / 2} "
+        f"{np.pi / 2}</DomainLatitude>"
+        f"<DomainLongitude>0 {TURN}</DomainLongitude><DirNorthPole>0 0 "
+        "1</DirNorthPole></LatitudeLongitudeSweep>"
         "</Sphere23Core>"
     )
 
@@ -417,9 +463,12 @@ def test_an_eighth_of_a_sphere_reaches_to_its_pole(tmp_path: Path, flat: bool) -
 def test_a_bend_of_a_tube_lies_between_its_two_ends(tmp_path: Path, flat: bool) -> None:
     document = Document(curves2=flat)
     core = (
-        "<Torus23Core><DiameterMinor>10</DiameterMinor><DiameterMajor>60</DiameterMajor><Axis><AxisPoint>0 0 0</AxisPoint>"
-        "<Direction>0 0 1</Direction></Axis><LatitudeLongitudeSweep><DirMeridianPrime>1 0 0</DirMeridianPrime>"
-        f"<DomainLatitude>0 {TURN}</DomainLatitude><DomainLongitude>0 {TURN}</DomainLongitude></LatitudeLongitudeSweep>"
+        "<Torus23Core><DiameterMinor>10</DiameterMinor><DiameterMajor>60</DiameterMajor><Axis><AxisPoint>0 "
+        "0 0</AxisPoint>"
+        "<Direction>0 0 1</Direction></Axis><LatitudeLongitudeSweep><DirMeridianPrime>1 0 "
+        "0</DirMeridianPrime>"
+        f"<DomainLatitude>0 {TURN}</DomainLatitude><DomainLongitude>0 "
+        f"{TURN}</DomainLongitude></LatitudeLongitudeSweep>"
         "</Torus23Core>"
     )
     loops = []
@@ -440,7 +489,8 @@ def test_a_bend_of_a_tube_lies_between_its_two_ends(tmp_path: Path, flat: bool) 
 def patch(points: Floats) -> str:
     """A NURBS surface of order 3 by 3 over nine control points; u runs first."""
     return (
-        "<Nurbs23Core><OrderU>3</OrderU><OrderV>3</OrderV><KnotsU>0 0 0 1 1 1</KnotsU><KnotsV>0 0 0 1 1 1</KnotsV>"
+        "<Nurbs23Core><OrderU>3</OrderU><OrderV>3</OrderV><KnotsU>0 0 0 1 1 1</KnotsU><KnotsV>0 "
+        "0 0 1 1 1</KnotsV>"
         f"<CPs>{' '.join(map(str, points.ravel()))}</CPs></Nurbs23Core>"
     )
 
@@ -479,14 +529,16 @@ def test_a_motion_of_surface_and_curves_moves_the_points(tmp_path: Path) -> None
     document = Document(curves2=True)
     matrix = document.add(
         "Transforms",
-        '<Transform id="{id}"><Rotation><XDirection>0 1 0</XDirection><YDirection>-1 0 0</YDirection>'
+        '<Transform id="{id}"><Rotation><XDirection>0 1 0</XDirection><YDirection>-1 0 '
+        "0</YDirection>"
         "<ZDirection>0 0 1</ZDirection></Rotation><Origin>7 8 9</Origin></Transform>",
     )
     sheet = Sheet(document, tilted=False)
     loop = sheet.polygon(RECTANGLE)
     motion = f"<Transform><Id>{matrix}</Id></Transform>"
     document.parts["Curve13Set"] = [
-        each.replace("</Segment13>", f"{motion}</Segment13>") for each in document.parts["Curve13Set"]
+        each.replace("</Segment13>", f"{motion}</Segment13>")
+        for each in document.parts["Curve13Set"]
     ]
     vertices = document.parts["PointSet"]
     document.parts["PointSet"] = [moved_point(each) for each in vertices]
@@ -509,14 +561,16 @@ def test_a_body_that_is_moved_moves_its_faces(tmp_path: Path, flat: bool) -> Non
     document = Document(curves2=flat)
     matrix = document.add(
         "Transforms",
-        '<Transform id="{id}"><Rotation><XDirection>0 1 0</XDirection><YDirection>-1 0 0</YDirection>'
+        '<Transform id="{id}"><Rotation><XDirection>0 1 0</XDirection><YDirection>-1 0 '
+        "0</YDirection>"
         "<ZDirection>0 0 1</ZDirection></Rotation><Origin>0 0 50</Origin></Transform>",
     )
     sheet = Sheet(document, tilted=False)
     face = document.face(sheet.core, [sheet.polygon(RECTANGLE)])
     document.add(
         "BodySet",
-        f'<Body id="{{id}}"><Transform><Id>{matrix}</Id></Transform><FaceIds><Id>{face}</Id></FaceIds></Body>',
+        "<Body "
+        f'id="{{id}}"><Transform><Id>{matrix}</Id></Transform><FaceIds><Id>{face}</Id></FaceIds></Body>',
     )
     document.feature("Plane", [face])
     found = inspection_of(document.written(tmp_path))
@@ -547,12 +601,14 @@ def test_the_thickness_of_two_planes_is_measured_where_both_are(tmp_path: Path) 
         "OppositeParallelPlanes",
         [front, back],
         "<Width>5</Width>",
-        "<CenterPlane><Point>0 0 2.5</Point><Normal>0 0 1</Normal></CenterPlane><LengthVector>1 0 0</LengthVector>",
+        "<CenterPlane><Point>0 0 2.5</Point><Normal>0 0 1</Normal></CenterPlane><LengthVector>1 "
+        "0 0</LengthVector>",
     )
     found = inspection_of(document.written(tmp_path))
     assert {each.kind for each in found.points} == {"thickness"}
     assert all(
-        0.04 < each.position[0] < 0.06 and each.position[2] == pytest.approx(0.005) for each in found.points
+        0.04 < each.position[0] < 0.06 and each.position[2] == pytest.approx(0.005)
+        for each in found.points
     )
 
 
@@ -567,10 +623,14 @@ def test_points_on_an_edge_have_the_mean_normal_of_its_faces(tmp_path: Path) -> 
     document.face(sheet.core, [loop])
     document.face(plane((0, 0, 0), (1, 0, 0), (0, 0, 1)), [document.loop(edges)])
     document.feature(
-        "Line", [edge], nominal="<Location>0 0 0</Location><Direction>1 0 0</Direction><Length>100</Length>"
+        "Line",
+        [edge],
+        nominal="<Location>0 0 0</Location><Direction>1 0 0</Direction><Length>100</Length>",
     )
     found = inspection_of(document.written(tmp_path))
-    assert [each.position[0] * 1e3 for each in found.points] == pytest.approx([12.5, 37.5, 62.5, 87.5])
+    assert [each.position[0] * 1e3 for each in found.points] == pytest.approx(
+        [12.5, 37.5, 62.5, 87.5]
+    )
     assert all(np.allclose(each.normal, (0, -ROOT, ROOT)) for each in found.points)
 
 

@@ -45,10 +45,21 @@ def inspections(draw: st.DrawFn) -> list[MeasurementPoint]:
 
 def close(one: MeasurementPoint, other: MeasurementPoint) -> bool:
     """Whether points agree to a nanometre."""
-    pairs = [*zip(one.position, other.position, strict=True), *zip(one.normal, other.normal, strict=True)]
-    sizes = [(getattr(one, size), getattr(other, size)) for size in ("tolerance_m", "bore_m", "nominal_m")]
+    pairs = [
+        *zip(one.position, other.position, strict=True),
+        *zip(one.normal, other.normal, strict=True),
+    ]
+    sizes = [
+        (getattr(one, size), getattr(other, size))
+        for size in ("tolerance_m", "bore_m", "nominal_m")
+    ]
     pairs += [(a, b) for a, b in sizes if a is not None and b is not None]
-    names = (one.name, one.kind, one.step, one.tool) == (other.name, other.kind, other.step, other.tool)
+    names = (one.name, one.kind, one.step, one.tool) == (
+        other.name,
+        other.kind,
+        other.step,
+        other.tool,
+    )
     return (
         names
         and all((a is None) == (b is None) for a, b in sizes)
@@ -93,12 +104,17 @@ def test_the_document_is_valid_against_its_schema(tmp_path: Path) -> None:
     point = MeasurementPoint(
         "m1", "m1", "thickness", (0.1, 0.2, 0.3), (0.0, 0.0, 1.0), 1e-5, 0.01, 1, 0.006, "us_probe"
     )
-    more = MeasurementPoint("m2", "m2", "roughness", (0.1, 0.2, 0.3), (0.0, 0.0, 1.0), nominal_m=1e-6)
-    profile = MeasurementPoint("m3", "m3", "profile", (0.1, 0.2, 0.3), (0.0, 0.0, 1.0), 1e-5, tool="slra")
+    more = MeasurementPoint(
+        "m2", "m2", "roughness", (0.1, 0.2, 0.3), (0.0, 0.0, 1.0), nominal_m=1e-6
+    )
+    profile = MeasurementPoint(
+        "m3", "m3", "profile", (0.1, 0.2, 0.3), (0.0, 0.0, 1.0), 1e-5, tool="slra"
+    )
     file = tmp_path / "points.qif"
     file.write_text(written_points([point, more, profile]), "utf-8")
     told = [str(each.reason) for each in xmlschema.XMLSchema(str(SCHEMA)).iter_errors(str(file))]
-    assert [each for each in told if "XsdKey" not in each] == []  # it finds no keys in public samples, either
+    # it finds no keys in public samples, either
+    assert [each for each in told if "XsdKey" not in each] == []
 
 
 @given(points=inspections())
@@ -107,6 +123,10 @@ def test_ids_are_unique_and_refer_to_what_is_there(points: list[MeasurementPoint
     ids = [each.attrib["id"] for each in root.iter() if "id" in each.attrib]
     assert len(ids) == len({*ids})
     assert max(map(int, ids), default=0) <= int(root.attrib["idMax"])
-    refers = [each.text for each in root.iter() if each.tag.endswith("Id") and not each.tag.endswith("QPId")]
+    refers = [
+        each.text
+        for each in root.iter()
+        if each.tag.endswith("Id") and not each.tag.endswith("QPId")
+    ]
     assert {*refers} <= {*ids}
     assert all(int(each.attrib["n"]) == len(each) > 0 for each in root.iter() if "n" in each.attrib)

@@ -11,17 +11,26 @@ from hypothesis import strategies as st
 from cellwright.engine.formats.interop.results import ResultForm, read_results_text, write_results
 from cellwright.kb.model.measured_results import Measured, Results, Treated
 
-SCHEMA = Path(os.environ.get("CELLWRIGHT_DATA", "../shared/data")) / "qif/xsd/QIFApplications/QIFDocument.xsd"
+SCHEMA = (
+    Path(os.environ.get("CELLWRIGHT_DATA", "../shared/data"))
+    / "qif/xsd/QIFApplications/QIFDocument.xsd"
+)
 SPACE = "{http://qifstandards.org/xsd/qif3}"
 TEXTS = st.text("ab1 ,;\"'<>&=()éß∅\n", max_size=8)
 NUMBERS = st.floats(-1e9, 1e9) | st.integers(-1000, 1000).map(float)
 MAYBE = st.none() | NUMBERS
 MEASURED = st.builds(
-    Measured, TEXTS, TEXTS, NUMBERS, st.sampled_from(["um", "mm", "g", "N cm"]), MAYBE, MAYBE, MAYBE, TEXTS, TEXTS,
+    Measured, TEXTS, TEXTS, NUMBERS, st.sampled_from(["um", "mm", "g", "N "
+    "cm"]), MAYBE, MAYBE, MAYBE, TEXTS, TEXTS,
     st.integers(0, 10**9), st.none() | st.floats(0, 1e6), st.none() | st.integers(1, 49).map(float),
 )  # fmt: skip
 TREATED = st.builds(
-    Treated, TEXTS, TEXTS, st.integers(0, 99), st.integers(0, 99), st.lists(TEXTS, max_size=2).map(tuple)
+    Treated,
+    TEXTS,
+    TEXTS,
+    st.integers(0, 99),
+    st.integers(0, 99),
+    st.lists(TEXTS, max_size=2).map(tuple),
 )
 STARTED = st.sampled_from(["", "2026-11-22T10:00:00+00:00"])
 RESULTS = st.builds(
@@ -35,15 +44,34 @@ SOME = Results(
     "monday_1",
     "2026-11-22T10:00:00+00:00",
     (
-        Measured("m1", "thickness", 6342.5, "um", 6350, 6340, 6360, "us_probe", "us_measure(m1)", 42_000),
+        Measured(
+            "m1", "thickness", 6342.5, "um", 6350, 6340, 6360, "us_probe", "us_measure(m1)", 42_000
+        ),
         Measured("m4", "profile", 31, "um", 0, -25, 25, "slra", "laser_measure(m4)", 48_000),
         Measured("m5", "profile", 3, "um", None, None, None, "slra", "laser_measure(m5)", 49_000),
         Measured("b1", "torque", 148, "N*cm", 150, 140, 160, "capper", "tighten(b1)", 50_000),
         Measured("b2", "torque", 148, "N*cm", 150, None, None, "", "tighten(b2)", 51_000),
         Measured("b3", "torque", 12, "mm", None, 10, None, "", "tighten(b3)", 51_000),
-        Measured("m6", "thickness", 99, "um", 100, 90, 110, "us_probe", "us_measure(m6)", 52_000, 8.0, 5.0),
-        Measured("m7", "thickness", 109, "um", 100, 90, 110, "us_probe", "us_measure(m7)", 53_000, 8.0),
-        Measured("m8", "thickness", 120, "um", 100, 90, 110, "us_probe", "us_measure(m8)", 54_000, 8.0),
+        Measured(
+            "m6",
+            "thickness",
+            99,
+            "um",
+            100,
+            90,
+            110,
+            "us_probe",
+            "us_measure(m6)",
+            52_000,
+            8.0,
+            5.0,
+        ),
+        Measured(
+            "m7", "thickness", 109, "um", 100, 90, 110, "us_probe", "us_measure(m7)", 53_000, 8.0
+        ),
+        Measured(
+            "m8", "thickness", 120, "um", 100, 90, 110, "us_probe", "us_measure(m8)", 54_000, 8.0
+        ),
     ),
 )
 
@@ -78,7 +106,11 @@ def test_a_verdict_is_written_for_people_and_other_programs() -> None:
         "yes",
         "no",
     ]
-    assert [line.split(",")[-1] for line in table[-3:]] == ["conforming", "undecided", "not conforming"]
+    assert [line.split(",")[-1] for line in table[-3:]] == [
+        "conforming",
+        "undecided",
+        "not conforming",
+    ]
     root = ElementTree.fromstring(write_results(SOME, ResultForm.QIF).encode())
     told = [each.text for each in root.iter(f"{SPACE}CharacteristicStatusEnum")]
     assert told[:6] == ["PASS", "FAIL", "NOT_ANALYZED", "PASS", "NOT_ANALYZED", "PASS"]
@@ -92,7 +124,9 @@ def test_ids_in_qif_are_unique_and_refer_to_what_is_there(results: Results) -> N
     ids = [each.attrib["id"] for each in root.iter() if "id" in each.attrib]
     assert len(ids) == len({*ids})
     assert max(map(int, ids)) <= int(root.attrib["idMax"])
-    refers = [each.text for each in root.iter() if each.tag.endswith("Id") and each.tag != f"{SPACE}QPId"]
+    refers = [
+        each.text for each in root.iter() if each.tag.endswith("Id") and each.tag != f"{SPACE}QPId"
+    ]
     assert {*refers} <= {*ids}
     for each in root.iter():
         if "n" in each.attrib:
@@ -100,12 +134,16 @@ def test_ids_in_qif_are_unique_and_refer_to_what_is_there(results: Results) -> N
 
 
 @pytest.mark.skipif(not SCHEMA.is_file(), reason="the schemas of QIF are not there")
-@pytest.mark.parametrize("results", [SOME, Results("empty"), Results("one", "", SOME.measured[4:5])])
+@pytest.mark.parametrize(
+    "results", [SOME, Results("empty"), Results("one", "", SOME.measured[4:5])]
+)
 def test_qif_is_valid_against_its_schema(results: Results, tmp_path: Path) -> None:
     xmlschema = pytest.importorskip("xmlschema")
     document = tmp_path / "results.qif"
     document.write_text(write_results(results, ResultForm.QIF), "utf-8")
-    assert [str(each.reason) for each in xmlschema.XMLSchema(str(SCHEMA)).iter_errors(str(document))] == []
+    assert [
+        str(each.reason) for each in xmlschema.XMLSchema(str(SCHEMA)).iter_errors(str(document))
+    ] == []
 
 
 @pytest.mark.parametrize(("form", "text"), [
@@ -131,7 +169,10 @@ def test_another_text_is_refused(form: ResultForm, text: str) -> None:
     ],
 )
 def test_a_json_text_with_a_value_of_another_kind_is_no_results(key: str, value: str) -> None:
-    text = f'{{"version": 1, "run": "r", "started": "", "measured": [{{"of": "m", "quantity": "q", "{key}": {value}}}], "history": []}}'
+    text = (
+        f'{{"version": 1, "run": "r", "started": "", "measured": [{{"of": "m", "quantity": "q", '
+        f'"{key}": {value}}}], "history": []}}'
+    )
     with pytest.raises(ValueError, match=f"`{key}` cannot be|not results"):
         read_results_text(text, ResultForm.JSON)
 
@@ -151,7 +192,9 @@ def test_results_of_other_programs_are_read_with_their_verdicts(
     assert len(results.measured) == count
     assert {each.of for each in results.measured if each.passed is False} == wrong
     values = [
-        each for each in ElementTree.fromstring(text).iter() if each.tag.endswith("CharacteristicMeasurement")
+        each
+        for each in ElementTree.fromstring(text).iter()
+        if each.tag.endswith("CharacteristicMeasurement")
     ]
     told = [each.findtext(f"{SPACE}Status/{SPACE}CharacteristicStatusEnum") for each in values]
     differs = [

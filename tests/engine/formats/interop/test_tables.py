@@ -36,7 +36,9 @@ def test_columns_are_divided_by_what_the_first_line_has(tmp_path: Path, mark: st
     assert (point.tolerance_m, point.bore_m) == (pytest.approx(0.0005), None)
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("in", 0.0254)])
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("in", 0.0254)]
+)
 def test_units(tmp_path: Path, unit: str, metres: float) -> None:
     (point,) = read_table(table(tmp_path, HEAD + "a,1,2,3,0,0,1,,1,,,\n"), unit).points
     assert point.position == pytest.approx((metres, 2 * metres, 3 * metres))
@@ -93,7 +95,9 @@ def test_a_kind_that_the_domain_does_not_know_is_told_and_the_problem_plans(tmp_
 
 def test_columns_may_carry_their_unit_and_points_need_no_names(tmp_path: Path) -> None:
     table = tmp_path / "points.csv"
-    table.write_text("x_m,y_cm,z,nx,ny,nz,tolerance_in\n0.5,2,300,1,0,0,0.1\n\n0.25,4,100,0,1,0,\n", "utf-8")
+    table.write_text(
+        "x_m,y_cm,z,nx,ny,nz,tolerance_in\n0.5,2,300,1,0,0,0.1\n\n0.25,4,100,0,1,0,\n", "utf-8"
+    )
     first, second = read_table(table, "mm").points
     assert (first.name, second.name) == ("p1", "p2")
     assert first.position == pytest.approx((0.5, 0.02, 0.3))

@@ -1,4 +1,6 @@
-"""TSPLIB files: every metric against its formula, every layout against the matrix it was written from."""
+"""TSPLIB files: every metric against its formula, every layout against the matrix it was
+written from.
+"""
 
 from pathlib import Path
 
@@ -7,7 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.visit_files import MATRIX_SHAPES, METRIC_FUNCTIONS, read_tsplib
+from cellwright.engine.formats.interop.visit_files import (
+    MATRIX_SHAPES,
+    METRIC_FUNCTIONS,
+    read_tsplib,
+)
 from cellwright.engine.model.tour_problem import Metric
 from cellwright.kb.diagnostics import InvalidInput
 
@@ -17,14 +23,19 @@ def written(folder: Path, **entries: str) -> Path:
     head = {key: value for key, value in entries.items() if not key.endswith("SECTION")}
     body = {key: value for key, value in entries.items() if key.endswith("SECTION")}
     lines = [f"{key} : {value}" for key, value in head.items()]
-    file.write_text("\n".join([*lines, *(f"{key}\n{value}" for key, value in body.items()), "EOF"]) + "\n")
+    file.write_text(
+        "\n".join([*lines, *(f"{key}\n{value}" for key, value in body.items()), "EOF"]) + "\n"
+    )
     return file
 
 
 @pytest.mark.parametrize(
-    ("metric", "expected"), [("EUC_2D", 3), ("CEIL_2D", 4), ("MAN_2D", 4), ("MAX_2D", 3), ("ATT", 2)]
+    ("metric", "expected"),
+    [("EUC_2D", 3), ("CEIL_2D", 4), ("MAN_2D", 4), ("MAX_2D", 3), ("ATT", 2)],
 )
-def test_each_metric_rounds_as_the_library_prescribes(tmp_path: Path, metric: str, expected: int) -> None:
+def test_each_metric_rounds_as_the_library_prescribes(
+    tmp_path: Path, metric: str, expected: int
+) -> None:
     file = written(
         tmp_path,
         NAME="two",
@@ -49,7 +60,9 @@ def test_geographical_distances_are_kilometres_on_the_sphere(tmp_path: Path) -> 
 
 
 @given(st.sampled_from(sorted(MATRIX_SHAPES)), st.integers(2, 6), st.integers(0, 999))
-def test_every_layout_gives_back_the_matrix_it_was_written_from(shape: str, n: int, seed: int) -> None:
+def test_every_layout_gives_back_the_matrix_it_was_written_from(
+    shape: str, n: int, seed: int
+) -> None:
     import tempfile
 
     travel = np.random.default_rng(seed).integers(0, 99, (n, n))

@@ -102,11 +102,15 @@ def cost(problem: Problem, plan: Any) -> Any:
 def test_plans_of_examples_are_judged_as_the_library_does(name: str) -> None:
     example = EXAMPLES[name]
     for plan in [*example.valid_plans, *example.invalid_plans]:
-        assert (validity(example.problem, plan) is Validity.VALID) == accepted(example.problem, plan)
+        assert (validity(example.problem, plan) is Validity.VALID) == accepted(
+            example.problem, plan
+        )
     for plan in example.valid_plans:
         for left_out in range(len(plan.actions)):
             rest = SequentialPlan([a for n, a in enumerate(plan.actions) if n != left_out])
-            assert (validity(example.problem, rest) is Validity.VALID) == accepted(example.problem, rest)
+            assert (validity(example.problem, rest) is Validity.VALID) == accepted(
+                example.problem, rest
+            )
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -177,7 +181,11 @@ def corridor(length: int = 3) -> Problem:
 def test_fluents_of_objects_stand_inside_each_other() -> None:
     problem = corridor()
     result = solved(problem)
-    assert [str(each) for each in result.plan.actions] == ["Go(room 1)", "Go(room 2)", "switch(room 2)"]
+    assert [str(each) for each in result.plan.actions] == [
+        "Go(room 1)",
+        "Go(room 2)",
+        "switch(room 2)",
+    ]
     assert accepted(problem, result.plan)
 
 
@@ -235,7 +243,8 @@ def test_partial_order_plans_whose_orders_do_the_same_are_valid_although_they_in
     problem.add_goal(done)
     problem.add_goal(Not(clean))
     assert (
-        validity(problem, PartialOrderPlan({ActionInstance(each): [] for each in actions})) is Validity.VALID
+        validity(problem, PartialOrderPlan({ActionInstance(each): [] for each in actions}))
+        is Validity.VALID
     )
 
 

@@ -1,4 +1,6 @@
-"""The engine for unified-planning beside brute force with the library's own simulator, on random small problems."""
+"""The engine for unified-planning beside brute force with the library's own simulator, on
+random small problems.
+"""
 
 import heapq
 import itertools
@@ -46,11 +48,15 @@ X = Variable("x", PART)
 
 def things(parts: list[Any]) -> st.SearchStrategy[Any]:
     """Terms of the type `thing`, given those of the type `part`."""
-    return st.one_of(st.sampled_from([A, *parts, TOP()]), st.sampled_from([AT(part) for part in parts]))
+    return st.one_of(
+        st.sampled_from([A, *parts, TOP()]), st.sampled_from([AT(part) for part in parts])
+    )
 
 
 def atoms(parts: list[Any]) -> st.SearchStrategy[Any]:
-    """Truths about terms, some of them values of fluents; a quantified variable is compared only with parts."""
+    """Truths about terms, some of them values of fluents; a quantified variable is compared
+    only with parts.
+    """
     values = things([part for part in parts if part is not X])
     return st.one_of(
         things(parts).map(lambda term: P(term)),
@@ -122,7 +128,9 @@ def problems(draw: st.DrawFn) -> Problem:
     for each in draw(st.lists(expressions([B, C]), min_size=1, max_size=2)):
         problem.add_goal(each)
     if draw(st.booleans()):
-        problem.add_quality_metric(MinimizeActionCosts({each: Int(n) for n, each in enumerate(made)}))
+        problem.add_quality_metric(
+            MinimizeActionCosts({each: Int(n) for n, each in enumerate(made)})
+        )
     assume(CellwrightEngine.supports(problem.kind))
     return problem
 
@@ -139,7 +147,9 @@ def cheapest(problem: Problem) -> int | None:
 
 
 def best(problem: Problem, cost: Callable[[InstantaneousAction], int]) -> int | None:
-    """The least cost of a plan, by Dijkstra's algorithm with the library's simulator; None if there is none."""
+    """The least cost of a plan, by Dijkstra's algorithm with the library's simulator; None if
+    there is none.
+    """
     simulator = UPSequentialSimulator(problem)
     keys = [fluent(*chosen) for fluent in FLUENTS for chosen in _choices(problem, fluent)]
 
@@ -199,14 +209,18 @@ def instances(problem: Problem) -> st.SearchStrategy[ActionInstance]:
     chosen = [
         (action, tuple(map(as_term, objects)))
         for action in problem.actions
-        for objects in itertools.product(*(list(problem.objects(p.type)) for p in action.parameters))
+        for objects in itertools.product(
+            *(list(problem.objects(p.type)) for p in action.parameters)
+        )
     ]
     return st.sampled_from(chosen).map(lambda each: ActionInstance(*each))
 
 
 @given(problems(), st.data())
 @DILIGENT
-def test_partial_orders_are_valid_if_all_their_orders_are(problem: Problem, data: st.DataObject) -> None:
+def test_partial_orders_are_valid_if_all_their_orders_are(
+    problem: Problem, data: st.DataObject
+) -> None:
     steps = data.draw(st.lists(instances(problem), min_size=1, max_size=4))
     pairs = itertools.combinations(steps, 2)
     following: dict[ActionInstance, list[ActionInstance]] = {each: [] for each in steps}
@@ -214,7 +228,10 @@ def test_partial_orders_are_valid_if_all_their_orders_are(problem: Problem, data
         if data.draw(st.booleans()):
             following[one].append(other)
     plan = PartialOrderPlan(following)
-    accepted: Callable[[Any], bool] = lambda each: bool(SequentialPlanValidator().validate(problem, each))  # noqa: E731
+
+    def accepted(sequence: Any) -> bool:
+        return bool(SequentialPlanValidator().validate(problem, sequence))
+
     result = CellwrightEngine().validate(problem, plan)
     assert (result.status is Validity.VALID) == all(map(accepted, plan.all_sequential_plans()))
     event(result.status.name)
@@ -232,7 +249,9 @@ def test_partial_order_plans_hold_in_every_order(problem: Problem) -> None:
 
 @given(problems(), st.data())
 @DILIGENT
-def test_a_replanner_agrees_with_brute_force_whatever_changes(problem: Problem, data: st.DataObject) -> None:
+def test_a_replanner_agrees_with_brute_force_whatever_changes(
+    problem: Problem, data: st.DataObject
+) -> None:
     replanner = CellwrightEngine(problem)
     for _ in range(3):
         result = replanner.resolve()
@@ -244,8 +263,14 @@ def test_a_replanner_agrees_with_brute_force_whatever_changes(problem: Problem, 
             event("plan")
             assert SequentialPlanValidator().validate(problem, result.plan)
         if data.draw(st.booleans()):
-            place, value = AT(data.draw(st.sampled_from([B, C]))), data.draw(st.sampled_from([A, B, C]))
+            place, value = (
+                AT(data.draw(st.sampled_from([B, C]))),
+                data.draw(st.sampled_from([A, B, C])),
+            )
         else:
-            place, value = data.draw(st.sampled_from([P(A), P(B), Q(C), R()])), data.draw(st.booleans())
+            place, value = (
+                data.draw(st.sampled_from([P(A), P(B), Q(C), R()])),
+                data.draw(st.booleans()),
+            )
         problem.set_initial_value(place, value)
         replanner.update_initial_value(place, value)

@@ -1,7 +1,9 @@
-"""An interpreter of behaviour trees, as BehaviorTree.CPP 4 ticks them. It knows what exported trees use.
+"""An interpreter of behaviour trees, as BehaviorTree.CPP 4 ticks them. It knows what exported trees
+use.
 
-Sequences remember where they are. A parallel asks its children in order, each until it has succeeded; one that is skipped
-is asked again. `_skipIf` is asked when a node is idle, `_onSuccess` runs when it succeeds. One node after another is ticked.
+Sequences remember where they are. A parallel asks its children in order, each until it has
+succeeded; one that is skipped is asked again. `_skipIf` is asked when a node is idle, `_onSuccess`
+runs when it succeeds. One node after another is ticked.
 """
 
 import re
@@ -31,7 +33,8 @@ class Tree:
         trees = {each.get("ID"): each for each in root.findall("BehaviorTree")}
         (self.top,) = list(trees[root.get("main_tree_to_execute")])
         self.models = {
-            each.get("ID"): {port.get("name") for port in each} for each in root.findall("TreeNodesModel/*")
+            each.get("ID"): {port.get("name") for port in each}
+            for each in root.findall("TreeNodesModel/*")
         }
         self.act = act
         self.board: dict[str, bool] = {}
@@ -43,12 +46,18 @@ class Tree:
         return self._tick(self.top)
 
     def _tick(self, node: ElementTree.Element) -> Status:
-        if node not in self.running and "_skipIf" in node.attrib and self._holds(node.attrib["_skipIf"]):
+        if (
+            node not in self.running
+            and "_skipIf" in node.attrib
+            and self._holds(node.attrib["_skipIf"])
+        ):
             return Status.SKIPPED
         self.running.add(node)
-        status = {"Sequence": self._sequence, "Parallel": self._parallel, "Script": self._script}.get(
-            node.tag, self._leaf
-        )(node)
+        status = {
+            "Sequence": self._sequence,
+            "Parallel": self._parallel,
+            "Script": self._script,
+        }.get(node.tag, self._leaf)(node)
         if status is not Status.RUNNING:
             self.running.discard(node)
         if status is Status.SUCCESS:
@@ -91,7 +100,9 @@ class Tree:
         if node.tag == "AlwaysSuccess":
             return Status.SUCCESS
         assert node.tag == "Action", f"BehaviorTree.CPP has no {node.tag}"
-        ports = {name for name in node.attrib if name not in ("ID", "name") and not name.startswith("_")}
+        ports = {
+            name for name in node.attrib if name not in ("ID", "name") and not name.startswith("_")
+        }
         assert ports <= self.models[node.get("ID")], "a port that its model does not have"
         return self.act(node.attrib)
 

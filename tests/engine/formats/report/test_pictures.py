@@ -32,17 +32,23 @@ def plans(draw: st.DrawFn) -> Plan:
         after = draw(st.lists(earlier, unique=True, max_size=3)) if number > 1 else []
         name = draw(st.text("abc<&>'\"", min_size=1, max_size=20))
         held = draw(st.lists(st.sampled_from([Function("arm"), Function("<tool>")]), unique=True))
-        steps.append(Step(StepId(number), Function(name), tuple(map(StepId, sorted(after))), tuple(held)))
+        steps.append(
+            Step(StepId(number), Function(name), tuple(map(StepId, sorted(after))), tuple(held))
+        )
         for producer in draw(st.lists(st.integers(0, number - 1), unique=True, max_size=6)):
             condition = Function("p<&", (Function(draw(st.sampled_from("qrstuvwx"))),))
             links.append(CausalLink(StepId(producer), condition, StepId(number)))
     links.append(
-        CausalLink(StepId(draw(st.integers(0, count))) if count else INITIAL_STEP, Function("g"), GOAL_STEP)
+        CausalLink(
+            StepId(draw(st.integers(0, count))) if count else INITIAL_STEP, Function("g"), GOAL_STEP
+        )
     )
     return Plan(tuple(steps), tuple(links))
 
 
-def drawn_in(root: ElementTree.Element, kind: str) -> Iterator[tuple[ElementTree.Element, float, float]]:
+def drawn_in(
+    root: ElementTree.Element, kind: str
+) -> Iterator[tuple[ElementTree.Element, float, float]]:
     """The elements of a kind, and how far their column is moved to the right and down."""
     columns = [each for each in root.iter(f"{SVG}g") if each.get("class") == "column"]
     inside = {id(each) for column in columns for each in column.iter()}
@@ -59,7 +65,9 @@ def rectangles(root: ElementTree.Element, name: str) -> list[Box]:
     found = []
     for rect, right, down in drawn_in(root, "rect"):
         if rect.get("class") == name:
-            x, y, width, height = (float(rect.get(key, "0")) for key in ("x", "y", "width", "height"))
+            x, y, width, height = (
+                float(rect.get(key, "0")) for key in ("x", "y", "width", "height")
+            )
             found.append((x + right, y + down, x + right + width, y + down + height))
     return found
 
@@ -74,7 +82,9 @@ def ways(root: ElementTree.Element) -> list[tuple[str, list[Segment]]]:
     for path, right, down in drawn_in(root, "path"):
         if (path.get("class") or "").split(" ")[0] == "link":
             numbers = [float(number) for number in re.findall(r"-?[\d.]+", path.get("d", ""))]
-            corners = [(x + right, y + down) for x, y in zip(numbers[::2], numbers[1::2], strict=True)]
+            corners = [
+                (x + right, y + down) for x, y in zip(numbers[::2], numbers[1::2], strict=True)
+            ]
             pieces = [
                 (min(x, to_x), min(y, to_y), max(x, to_x), max(y, to_y))
                 for (x, y), (to_x, to_y) in pairwise(corners)
@@ -101,7 +111,8 @@ def test_an_svg_shows_every_step_order_and_link(plan: Plan) -> None:
     }
     titles = [title.text for path in root.iter(f"{SVG}path") for title in path.iter(f"{SVG}title")]
     assert titles == [
-        f"{texts[link.producer]} achieves {link.condition} for {texts[link.consumer]}" for link in plan.links
+        f"{texts[link.producer]} achieves {link.condition} for {texts[link.consumer]}"
+        for link in plan.links
     ]
 
 
@@ -139,8 +150,16 @@ def test_no_link_runs_through_a_box_and_links_of_different_conditions_never_lie_
         if net != other_net:
             for left, top, right, bottom in pieces:
                 for other in others:
-                    level = top == bottom == other[1] == other[3] and left < other[2] and other[0] < right
-                    upright = left == right == other[0] == other[2] and top < other[3] and other[1] < bottom
+                    level = (
+                        top == bottom == other[1] == other[3]
+                        and left < other[2]
+                        and other[0] < right
+                    )
+                    upright = (
+                        left == right == other[0] == other[2]
+                        and top < other[3]
+                        and other[1] < bottom
+                    )
                     assert not level
                     assert not upright
 
@@ -195,14 +214,19 @@ def test_stages_are_shown_in_the_words_of_the_problem() -> None:
     outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     assert any(link.condition.name == "_stage" for link in outcome.plan.links)
-    for picture in (plan_svg.draw_plan(outcome.plan, problem), dot_graphs.plan_dot(outcome.plan, problem)):
+    for picture in (
+        plan_svg.draw_plan(outcome.plan, problem),
+        dot_graphs.plan_dot(outcome.plan, problem),
+    ):
         assert "_stage" not in picture
         assert "heated(probe_1, 900)" in picture
 
 
 @given(st.integers(1, 4 * MAX_COLUMN_STEPS), st.integers(0, 2**32 - 1))
 @settings(max_examples=25, deadline=None)
-def test_columns_hold_every_step_once_and_every_link_where_it_begins_and_ends(count: int, seed: int) -> None:
+def test_columns_hold_every_step_once_and_every_link_where_it_begins_and_ends(
+    count: int, seed: int
+) -> None:
     chance = Random(seed)
     steps = tuple(Step(StepId(n), Function(f"o{n}")) for n in range(1, count + 1))
     links = []
@@ -210,7 +234,9 @@ def test_columns_hold_every_step_once_and_every_link_where_it_begins_and_ends(co
         producer, consumer = sorted(chance.sample(range(count + 2), 2))
         condition = Function(chance.choice("pqr"))
         links.append(
-            CausalLink(StepId(producer), condition, StepId(consumer) if consumer <= count else GOAL_STEP)
+            CausalLink(
+                StepId(producer), condition, StepId(consumer) if consumer <= count else GOAL_STEP
+            )
         )
     plan = Plan(steps, tuple(dict.fromkeys(links)))
     made = split_columns(plan, str)
@@ -221,7 +247,9 @@ def test_columns_hold_every_step_once_and_every_link_where_it_begins_and_ends(co
         **{step.id: f"{step.id} {step.operator}" for step in steps},
         GOAL_STEP: "goal",
     }
-    said = [part for column in made for title in column.titles.values() for part in title.split("; ")]
+    said = [
+        part for column in made for title in column.titles.values() for part in title.split("; ")
+    ]
     for link in plan.links:
         head = f"{texts[link.producer]} achieves {link.condition} for "
         users = [title.removeprefix(head).split(", ") for title in said if title.startswith(head)]

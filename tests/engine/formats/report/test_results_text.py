@@ -1,4 +1,6 @@
-"""Results for a terminal: what was measured, what was done to what is processed, and how to see the rest."""
+"""Results for a terminal: what was measured, what was done to what is processed, and how to see
+the rest.
+"""
 
 import io
 
@@ -7,8 +9,12 @@ from rich.console import Console, RenderableType
 from cellwright.engine.formats.report.runs.results_report import MIN_SHOWN_STEPS, results_text
 from cellwright.kb.model.measured_results import Measured, Results, Treated
 
-VALUE = Measured("m1", "thickness", 4993.0, "um", 5000.0, 4900.0, 5100.0, "us_probe", at_ms=1_707_400)
-LONG = tuple(Treated("drawer", f"open({n})", 1000 * n, 1000 * n + 500) for n in range(MIN_SHOWN_STEPS))
+VALUE = Measured(
+    "m1", "thickness", 4993.0, "um", 5000.0, 4900.0, 5100.0, "us_probe", at_ms=1_707_400
+)
+LONG = tuple(
+    Treated("drawer", f"open({n})", 1000 * n, 1000 * n + 500) for n in range(MIN_SHOWN_STEPS)
+)
 HEATED = Treated("probe_1", "heat(probe_1, 900)", 28_000, 928_000, ("heated(probe_1, 900)",))
 
 

@@ -45,7 +45,9 @@ def test_every_word_of_every_row_is_there_whole_and_no_line_is_too_long(
 
 @given(tables)
 @settings(deadline=None)
-def test_with_room_a_row_is_a_line_under_its_headings(table: tuple[list[str], list[list[str]]]) -> None:
+def test_with_room_a_row_is_a_line_under_its_headings(
+    table: tuple[list[str], list[list[str]]],
+) -> None:
     headings, rows = table
     shown = lines(TextTable(headings, rows), 400)
     assert [line.split() for line in shown] == [

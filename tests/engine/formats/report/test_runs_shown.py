@@ -33,7 +33,9 @@ FAILED = [
 ]  # fmt: skip
 
 
-def shown(records: list[JournalRecord], width: int = 80, passed_ms: float = 0.0, height: int = 60) -> str:
+def shown(
+    records: list[JournalRecord], width: int = 80, passed_ms: float = 0.0, height: int = 60
+) -> str:
     display = RunDisplay("monday-1", passed_ms=lambda: passed_ms)
     for record in records:
         display.take(record)
@@ -58,7 +60,8 @@ def test_the_display_shows_current_steps_chart_changes_and_log() -> None:
 def test_the_line_at_now_moves_between_records() -> None:
     first, later = shown(RECORDS), shown(RECORDS, passed_ms=6_000)
     at = [
-        next(line for line in text.splitlines() if "| now" in line).index("|", 5) for text in (first, later)
+        next(line for line in text.splitlines() if "| now" in line).index("|", 5)
+        for text in (first, later)
     ]
     assert at[0] < at[1]
     assert "15 s of about 20 s" in later
@@ -86,7 +89,11 @@ def test_a_low_terminal_keeps_the_keys_the_steps_and_the_end_of_the_log() -> Non
 
 def test_pausing_twice_goes_on_also_before_the_run_has_heard_it() -> None:
     display = RunDisplay("monday-1")
-    assert [display.toggled(), display.toggled(), display.toggled()] == ["interrupt", "continue", "interrupt"]
+    assert [display.toggled(), display.toggled(), display.toggled()] == [
+        "interrupt",
+        "continue",
+        "interrupt",
+    ]
     display.take(JournalRecord(1, 0, RecordKind.PHASE, {"phase": "paused", "why": ""}))
     assert display.toggled() == "continue"
 
@@ -110,9 +117,9 @@ def test_the_display_shows_when_the_next_steps_begin_as_far_as_that_can_be_said(
          "start_ms": sum(lasts[: n - 1])}
         for n, each in enumerate(lasts, 1)
     ]  # fmt: skip
-    text = shown([JournalRecord(1, 0, RecordKind.PLAN, {**PLAN, "steps": steps})], width=100).partition(
-        "next step"
-    )[2]
+    text = shown(
+        [JournalRecord(1, 0, RecordKind.PLAN, {**PLAN, "steps": steps})], width=100
+    ).partition("next step")[2]
     lines = {
         each: next(line for line in text.splitlines() if each in line)
         for each in ("step_1", "step_3", "step_4")

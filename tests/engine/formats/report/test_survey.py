@@ -1,4 +1,6 @@
-"""The report of an inspection: everything in it is escaped, it needs nothing else, and it names what is missing."""
+"""The report of an inspection: everything in it is escaped, it needs nothing else, and it names
+what is missing.
+"""
 
 import re
 from html import escape
@@ -35,7 +37,9 @@ class Reader(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
-        self.refers += [name for name, _ in attrs if name in ("src", "href") or name.startswith("on")]
+        self.refers += [
+            name for name, _ in attrs if name in ("src", "href") or name.startswith("on")
+        ]
         self.open += [tag] if tag not in ("meta",) else []
 
     def handle_endtag(self, tag: str) -> None:

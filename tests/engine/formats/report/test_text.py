@@ -90,7 +90,9 @@ def test_atoms_break_after_commas_before_they_break_at_brackets() -> None:
 
 def test_brackets_in_texts_are_no_markup() -> None:
     step = Step(StepId(1), Function("say", (Text("[bold]x[/bold]"),)), duration=1)
-    assert "[bold]x[/bold]" in shown(outcome_tables.plan_table(Plan((step,)), load_problem("themse/one")), 80)
+    assert "[bold]x[/bold]" in shown(
+        outcome_tables.plan_table(Plan((step,)), load_problem("themse/one")), 80
+    )
 
 
 def test_colours_are_for_terminals_that_want_them(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,7 +103,9 @@ def test_colours_are_for_terminals_that_want_them(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    table = outcome_tables.plan_table(Plan((Step(StepId(1), Function("go")),)), load_problem("themse/one"))
+    table = outcome_tables.plan_table(
+        Plan((Step(StepId(1), Function("go")),)), load_problem("themse/one")
+    )
     assert colours(True)
     assert not colours(False)
     monkeypatch.setenv("NO_COLOR", "1")
@@ -152,5 +156,7 @@ def test_every_step_starts_when_all_before_it_have_ended() -> None:
     starts = earliest_starts(plan)
     steps = {step.id: step for step in plan.steps}
     for step in plan.steps:
-        assert starts[step.id] == max((starts[b] + steps[b].duration for b in step.after), default=0)
+        assert starts[step.id] == max(
+            (starts[b] + steps[b].duration for b in step.after), default=0
+        )
     assert plan_makespan(plan) == max(starts[step.id] + step.duration for step in plan.steps)

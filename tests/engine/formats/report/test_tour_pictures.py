@@ -1,4 +1,6 @@
-"""Pictures of tours: every visit and way is there, in the plane of the points; no colour stands for two tools."""
+"""Pictures of tours: every visit and way is there, in the plane of the points; no colour stands
+for two tools.
+"""
 
 import math
 import re
@@ -22,7 +24,9 @@ from cellwright.engine.model.tour_problem import Tour, TourProblem, Visit
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def drawn(places: Sequence[Sequence[float]], tools: Sequence[str] = (), closed: bool = False) -> str:
+def drawn(
+    places: Sequence[Sequence[float]], tools: Sequence[str] = (), closed: bool = False
+) -> str:
     """The picture of a tour through these places, in their order."""
     named = tools or [""] * len(places)
     visits = tuple(
@@ -45,7 +49,9 @@ def dots(text: str) -> np.ndarray:
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 30))
 def test_points_on_a_plane_keep_their_distances(seed: int, count: int) -> None:
-    """However the plane stands in space, the picture has the distances of the points, on one scale."""
+    """However the plane stands in space, the picture has the distances of the points, on one
+    scale.
+    """
     random = np.random.default_rng(seed)
     turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
     flat = random.uniform(-1, 1, size=(count, 3)) * np.array([1.0, 0.8, 0.0])
@@ -71,11 +77,18 @@ def test_an_upright_part_is_seen_from_the_origin_with_z_upwards() -> None:
 @pytest.mark.parametrize("closed", [False, True])
 def test_every_way_is_drawn_and_those_to_another_tool_are_marked(closed: bool) -> None:
     text = drawn([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], ["a", "a", "b", "b"], closed)
-    ways = [each for each in ElementTree.fromstring(text).iter(f"{SVG}path") if each.get("class") == "way"]
-    assert len(ways) == 3 + closed
-    assert [each.get("stroke") == TOOL_CHANGE_COLOUR for each in ways] == [False, True, False, True][
-        : 3 + closed
+    ways = [
+        each
+        for each in ElementTree.fromstring(text).iter(f"{SVG}path")
+        if each.get("class") == "way"
     ]
+    assert len(ways) == 3 + closed
+    assert [each.get("stroke") == TOOL_CHANGE_COLOUR for each in ways] == [
+        False,
+        True,
+        False,
+        True,
+    ][: 3 + closed]
 
 
 @pytest.mark.parametrize("count", [1, 2, MAX_NAMED_VISITS, MAX_NAMED_VISITS + 1])

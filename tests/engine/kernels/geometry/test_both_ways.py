@@ -1,4 +1,6 @@
-"""The kernels of geometry, compiled and interpreted, give the same figures, to the last bit where both ask the same functions."""
+"""The kernels of geometry, compiled and interpreted, give the same figures, to the last bit
+where both ask the same functions.
+"""
 
 import importlib
 import math
@@ -14,7 +16,10 @@ from cellwright.engine.kernels.arrays import Floats, Longs
 from cellwright.engine.model.geometry import ConvexPiece
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel
-from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import InverseKinematics, InverseSolver
+from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import (
+    InverseKinematics,
+    InverseSolver,
+)
 from cellwright.engine.stages.geometry.region_tree import boxes_around
 from cellwright.engine.stages.geometry.shapes.convex_pieces import group_pairs, pack_pieces
 from cellwright.kb.loader.arm_file import bundled_arms, load_arm
@@ -25,7 +30,8 @@ SEEDS = range(6)
 CUBE = np.array(list(product((-0.5, 0.5), repeat=3)))
 PLAIN: Modules = interpreted_package(cellwright.engine.kernels.geometry)
 IMPORTED: Modules = {
-    name: importlib.import_module(f"{cellwright.engine.kernels.geometry.__name__}.{name}") for name in PLAIN
+    name: importlib.import_module(f"{cellwright.engine.kernels.geometry.__name__}.{name}")
+    for name in PLAIN
 }
 BOTH = (IMPORTED, PLAIN)
 
@@ -46,15 +52,21 @@ def any_piece(rng: np.random.Generator, carrier: int) -> ConvexPiece:
     ]
     kind = int(rng.integers(5))
     radius = 0.0 if kind == 2 else float(rng.uniform(0.02, 0.1))
-    return ConvexPiece(f"piece_{carrier}", carrier, any_pose(rng, 0.4), vertices[kind], radius, box=kind == 2)
+    return ConvexPiece(
+        f"piece_{carrier}", carrier, any_pose(rng, 0.4), vertices[kind], radius, box=kind == 2
+    )
 
 
 def a_scene(seed: int) -> SimpleNamespace:
     """Twelve pieces on four carriers, six of them standing, in three sets of carrier poses."""
     rng = np.random.default_rng(seed)
     pieces = [any_piece(rng, max(0, n - 5) % 4) for n in range(12)]
-    numbers = [(i, j) for i, j in combinations(range(12), 2) if pieces[i].carrier != pieces[j].carrier]
-    poses = np.array([[np.eye(4), *(any_pose(rng, 0.6) for _ in range(3))] for _ in range(3)])[:, :, :3]
+    numbers = [
+        (i, j) for i, j in combinations(range(12), 2) if pieces[i].carrier != pieces[j].carrier
+    ]
+    poses = np.array([[np.eye(4), *(any_pose(rng, 0.6) for _ in range(3))] for _ in range(3)])[
+        :, :, :3
+    ]
     return SimpleNamespace(
         packed=pack_pieces(pieces),
         pairs=group_pairs(np.array(numbers), np.arange(12)),
@@ -124,7 +136,9 @@ def test_walks_down_a_tree_are_the_same_both_ways(seed: int) -> None:
         regions.first_hits(scene.poses, own, still, tree, pairs, skip, np.full((2, 2), -1), hits)
         all_of = modules["sampling"].all_hits(scene.poses, own, still, tree, pairs, skip, every)
         regions.nearest_hits(scene.poses, own, still, tree, pairs, skip, 1.0, least)
-        found.append([tree.boxes, tree.children, np.array([count, all_of]), near, every, hits, least])
+        found.append(
+            [tree.boxes, tree.children, np.array([count, all_of]), near, every, hits, least]
+        )
     assert same(*found)
 
 
@@ -155,7 +169,9 @@ def test_inverse_kinematics_is_the_same_both_ways(name: str) -> None:
         q, valid, residual = np.zeros((6, 8, 6)), np.zeros((6, 8)), np.empty((6, 8))
         batch = inverse.Batch(form.directions, form.points, form.centre, poses, q, valid)
         solve = (
-            inverse.parallel_axes if form.solver is InverseSolver.PARALLEL_AXES else inverse.spherical_wrist
+            inverse.parallel_axes
+            if form.solver is InverseSolver.PARALLEL_AXES
+            else inverse.spherical_wrist
         )
         solve(batch)
         inverse.residuals(batch, residual)

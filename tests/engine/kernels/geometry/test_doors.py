@@ -37,7 +37,11 @@ def pairs(**changed: Any) -> Pairs:
 
 def hierarchy(**changed: Any) -> Hierarchy:
     """Two leaves and their parent."""
-    arrays = {"boxes": np.zeros((3, 6)), "children": np.array([[-1, 0], [-1, 1], [0, 1]]), "root": 2}
+    arrays = {
+        "boxes": np.zeros((3, 6)),
+        "children": np.array([[-1, 0], [-1, 1], [0, 1]]),
+        "root": 2,
+    }
     return Hierarchy(**(arrays | changed))
 
 
@@ -121,9 +125,18 @@ def test_standing_pieces_are_asked_for_by_arrays_that_fit() -> None:
         ),
         ((poses, asking, asking, hierarchy(), pairs_of, skip, likely, out), "but 2 stand"),
         ((poses, asking, standing, hierarchy(), pairs_of, skip[:1], likely, out), "may touch"),
-        ((poses, asking, standing, hierarchy(), pairs_of, skip, likely, out[:2]), "as many results"),
-        ((poses, asking, standing, hierarchy(), np.array([[0, 2]]), skip, likely, out), "pairs must be"),
-        ((poses, asking, standing, hierarchy(), pairs_of, skip, np.array([[0, 4]]), out), "likely to touch"),
+        (
+            (poses, asking, standing, hierarchy(), pairs_of, skip, likely, out[:2]),
+            "as many results",
+        ),
+        (
+            (poses, asking, standing, hierarchy(), np.array([[0, 2]]), skip, likely, out),
+            "pairs must be",
+        ),
+        (
+            (poses, asking, standing, hierarchy(), pairs_of, skip, np.array([[0, 4]]), out),
+            "likely to touch",
+        ),
     ):
         with pytest.raises(ValueError, match=why):
             regions.first_hits(*bad)
@@ -131,7 +144,9 @@ def test_standing_pieces_are_asked_for_by_arrays_that_fit() -> None:
     with pytest.raises(ValueError, match="a hierarchy over 3 pieces"):
         regions.near_pieces(standing, standing, beyond, 0.0, np.empty((4, 2), np.int64))
     with pytest.raises(ValueError, match="0 or more"):
-        regions.near_pieces(standing, standing, hierarchy(), float("nan"), np.empty((4, 2), np.int64))
+        regions.near_pieces(
+            standing, standing, hierarchy(), float("nan"), np.empty((4, 2), np.int64)
+        )
 
 
 def test_a_hierarchy_is_changed_by_boxes_that_fit() -> None:

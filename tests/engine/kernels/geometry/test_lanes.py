@@ -1,4 +1,6 @@
-"""Lines and proofs that look at sixteen configurations side by side say what a look at each by itself says."""
+"""Lines and proofs that look at sixteen configurations side by side say what a look at each by
+itself says.
+"""
 
 import math
 from itertools import combinations
@@ -33,11 +35,19 @@ def any_ground(rng: np.random.Generator) -> PlanningScene:
         np.full(count, -3.0),
         np.full(count, 3.0),
     )
-    pieces = tuple(any_piece(rng, carrier) for carrier in [*range(count + 1), *range(count + 1), 0, 0, 0])
-    pairs = [(i, j) for i, j in combinations(range(len(pieces)), 2) if pieces[i].carrier != pieces[j].carrier]
+    pieces = tuple(
+        any_piece(rng, carrier) for carrier in [*range(count + 1), *range(count + 1), 0, 0, 0]
+    )
+    pairs = [
+        (i, j)
+        for i, j in combinations(range(len(pieces)), 2)
+        if pieces[i].carrier != pieces[j].carrier
+    ]
     kept = [pair for pair in pairs if rng.random() < 0.35]
     return PlanningScene(
-        BuiltinChecker(CollisionScene(joints, pieces, np.array(kept, dtype=np.int64).reshape(-1, 2)))
+        BuiltinChecker(
+            CollisionScene(joints, pieces, np.array(kept, dtype=np.int64).reshape(-1, 2))
+        )
     )
 
 
@@ -87,7 +97,9 @@ def test_what_is_proved_is_free_a_thousand_times_finer(seed: int) -> None:
         else:
             where = path[0] + proof.where * (path[1] - path[0])
             assert ground.clearance(where[None])[0] < 0.05
-    assert found or ground.collides(rng.uniform(-3, 3, (50, ground.scene.joints.count))).mean() > 0.5
+    assert (
+        found or ground.collides(rng.uniform(-3, 3, (50, ground.scene.joints.count))).mean() > 0.5
+    )
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -100,7 +112,11 @@ def test_vectors_of_four_and_of_eight_look_at_the_same_and_say_the_same(
     b = a + rng.normal(size=a.shape) * rng.choice([0.02, 0.3, 1.0], (60, 1))
     for wide in (lanes.WIDE, False):
         monkeypatch.setattr(lanes, "WIDE", wide)
-        lines, proof, free = ground.lines(STEP), ground.proof(0.0, 1e-3), np.zeros(60, dtype=np.uint8)
+        lines, proof, free = (
+            ground.lines(STEP),
+            ground.proof(0.0, 1e-3),
+            np.zeros(60, dtype=np.uint8),
+        )
         free_edges(lines, a, b, free)
         sure = [proved(proof, np.array(ends)) for ends in zip(a, b, strict=True)]
         told.append((free.tolist(), lines.looked, sure, proof.looked, proof.refined))
@@ -131,7 +147,9 @@ def test_lines_and_proofs_are_the_same_without_a_compiler() -> None:
 
 
 @pytest.mark.parametrize("value", [1e7, -1e7, math.nan, math.inf])
-def test_configurations_too_large_for_single_precision_are_looked_at_in_double(value: float) -> None:
+def test_configurations_too_large_for_single_precision_are_looked_at_in_double(
+    value: float,
+) -> None:
     ground = any_ground(np.random.default_rng(3))
     q = np.zeros((1, ground.scene.joints.count))
     q[0, 0] = value

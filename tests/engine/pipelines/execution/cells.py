@@ -71,17 +71,20 @@ def executed(
     execution = RunExecution(
         "r", problem, driver, Recorder(kept, driver.now_ms), orders or TimedOrders(), base
     )
-    ending = execution.start(ready, SymbolicWorld.of(problem, initial_situation(problem).state), approve)
+    ending = execution.start(
+        ready, SymbolicWorld.of(problem, initial_situation(problem).state), approve
+    )
     return ending, kept.records, cell
 
 
 def killed_and_resumed(
     target: str, folder: Path, group: int, written: bool, fault: str = ""
 ) -> tuple[Finish | None, list[str]]:
-    """A run whose process is gone at one group of records, before or after it is written, and is then taken up again.
+    """A run whose process is gone at one group of records, before or after it is written, and is
+    then taken up again.
 
-    What the cell itself says that it did comes with it; None if the run was over before. A kill behind the record of the end
-    leaves nothing to resume: the journal tells how the run ended.
+    What the cell itself says that it did comes with it; None if the run was over before. A kill
+    behind the record of the end leaves nothing to resume: the journal tells how the run ended.
     """
     problem, ready = planned(target)
     options = {"log": str(folder / "cell.jsonl")} | ({"fault": fault} if fault else {})
@@ -115,7 +118,9 @@ def killed_and_resumed(
 
 
 def ended(wanted: RunRequest) -> Finish | None:
-    """How a run ended for good, as its journal tells; None if it did not. `resume` must refuse what is over."""
+    """How a run ended for good, as its journal tells; None if it did not. `resume` must refuse
+    what is over.
+    """
     with Journal(wanted.store) as journal:
         told = [line.content for line in journal.lines(wanted.run, kinds=["end"])]
     if not told or told[-1]["outcome"] not in BEGIN.OVER:

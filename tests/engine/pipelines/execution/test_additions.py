@@ -1,4 +1,7 @@
-"""What is added to a run while it goes on: goals in words, due dates and priorities. Steps that have begun are not touched."""
+"""What is added to a run while it goes on: goals in words, due dates and priorities.
+
+Steps that have begun are not touched.
+"""
 
 from pathlib import Path
 
@@ -32,7 +35,9 @@ def added(text: str, at_ms: int) -> TimedOrders:
 def baked(records: list[JournalRecord]) -> list[str]:
     """The trays in the order in which their baking begins."""
     sent = [each for each in records if each.kind is RecordKind.COMMAND]
-    return [each.content["action"][5:7] for each in sent if each.content["action"].startswith("bake(")]
+    return [
+        each.content["action"][5:7] for each in sent if each.content["action"].startswith("bake(")
+    ]
 
 
 @pytest.mark.slow
@@ -53,7 +58,9 @@ def test_a_further_command_comes_with_its_due_date() -> None:
     ending, records, _ = executed("themse/one", orders=added(said, 3_000))
     assert ending.outcome == "reached"
     assert "heated(probe_2, 300) of probe_2" in ending.goals
-    (plan,) = [each for each in records if each.kind is RecordKind.PLAN and each.content["why"] == "add"]
+    (plan,) = [
+        each for each in records if each.kind is RecordKind.PLAN and each.content["why"] == "add"
+    ]
     assert plan.content["wishes"] == ["due(probe_2, 603)"]
 
 
@@ -62,7 +69,10 @@ def test_a_run_that_stops_behind_a_due_date_keeps_it(tmp_path: Path) -> None:
     problem, _ = planned(FOUR)
     wanted = name_run(RunRequest(FOUR, store=str(tmp_path / "j.db")), problem)
     orders = TimedOrders(
-        [(7_000, GivenOrder(OperatorCommand.ADD, URGENT)), (8_000, GivenOrder(OperatorCommand.STOP))]
+        [
+            (7_000, GivenOrder(OperatorCommand.ADD, URGENT)),
+            (8_000, GivenOrder(OperatorCommand.STOP)),
+        ]
     )
     assert begin_run(wanted, problem, orders).outcome == "stopped"
     assert resume_run(wanted.store, wanted.run, TimedOrders()).outcome == "reached"
@@ -81,7 +91,11 @@ def test_what_is_wrong_with_a_wish_is_told(text: str) -> None:
 
 def test_a_wish_takes_the_place_of_an_older_one_and_counts_from_now() -> None:
     problem = problem_of(FOUR)
-    for at_ms, text in ((0, "due(t4, 15 min)"), (60_000, "due(t4, 5 min)"), (60_000, "due(t3, 1 h)")):
+    for at_ms, text in (
+        (0, "due(t4, 15 min)"),
+        (60_000, "due(t4, 5 min)"),
+        (60_000, "due(t3, 1 h)"),
+    ):
         more = read_addition(problem, text, at_ms)
         problem = extend_problem(problem, more.words, more.wishes)
     assert list(map(str, problem.statics)) == ["due(t4, 360)", "due(t3, 3660)"]

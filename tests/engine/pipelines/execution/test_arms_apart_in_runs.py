@@ -1,4 +1,6 @@
-"""Runs of several arms with motion: what one meets is known, plans made meanwhile keep the arms apart, and no step goes where another is."""
+"""Runs of several arms with motion: what one meets is known, plans made meanwhile keep the arms
+apart, and no step goes where another is.
+"""
 
 from pathlib import Path
 
@@ -58,7 +60,9 @@ def test_two_arms_find_ways_around_what_one_has_met(tmp_path: Path) -> None:
     assert ending.exceptions > 0
     assert [list(each["bodies"]) for each in corrections(records)] == [["crate"]]
     puts = ["put(left, rod_2, tray_1)", "put(right, rod_1, shelf_1)"]
-    assert [sorted(each for each in actions(found) if each in puts) for found in (before, records)] == [
+    assert [
+        sorted(each for each in actions(found) if each in puts) for found in (before, records)
+    ] == [
         puts,
         puts,
     ]

@@ -93,7 +93,10 @@ def essence(found: PastRun) -> dict[str, object]:
 
 @pytest.mark.parametrize(
     "name",
-    ["a recovery", *(pytest.param(each, marks=pytest.mark.slow) for each in RUNS if each != "a recovery")],
+    [
+        "a recovery",
+        *(pytest.param(each, marks=pytest.mark.slow) for each in RUNS if each != "a recovery"),
+    ],
 )
 def test_a_run_from_its_last_checkpoint_is_the_run_from_its_beginning(
     monkeypatch: pytest.MonkeyPatch, name: str
@@ -110,7 +113,9 @@ def test_a_run_from_its_last_checkpoint_is_the_run_from_its_beginning(
         part = records[
             :last
         ]  # also between the pages of what is left, and behind them, before the checkpoint
-        assert essence(past(name, part, checkpoints=True)) == essence(past(name, part, checkpoints=False))
+        assert essence(past(name, part, checkpoints=True)) == essence(
+            past(name, part, checkpoints=False)
+        )
 
 
 def test_a_program_can_be_sent_to_another_process() -> None:

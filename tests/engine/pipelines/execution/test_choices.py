@@ -1,4 +1,6 @@
-"""Late choice: equal things exchange their roles when waiting would begin otherwise, and nothing is lost by it."""
+"""Late choice: equal things exchange their roles when waiting would begin otherwise, and
+nothing is lost by it.
+"""
 
 from pathlib import Path
 
@@ -45,7 +47,10 @@ def test_what_is_ready_takes_the_part_of_what_is_late(monkeypatch: pytest.Monkey
 
 def test_all_that_goes_with_equal_things_is_exchanged_with_them() -> None:
     problem = problem_of("themse/two")
-    facts = [function(text) for text in ("at(probe_1, slot(furnace, 1))", "at(probe_2, slot(furnace, 2))")]
+    facts = [
+        function(text)
+        for text in ("at(probe_1, slot(furnace, 1))", "at(probe_2, slot(furnace, 2))")
+    ]
     steps = [Step(StepId(n), function(f"pick(probe_{n}, slot(furnace, {n}))")) for n in (1, 2)]
     found = next(possible_exchanges(problem, facts, [function("probe_1")], steps, PlanGate()))
     named = {str(one): str(other) for one, other in found.items()}

@@ -1,4 +1,6 @@
-"""Runs that count: what a person does or corrects at a pause leaves each quantity with one value."""
+"""Runs that count: what a person does or corrects at a pause leaves each quantity with one
+value.
+"""
 
 from pathlib import Path
 
@@ -60,7 +62,9 @@ def levels(facts: set[str]) -> list[str]:
 
 
 @pytest.mark.parametrize("done", ["dose(a, 10)", "dose(b, 20)", "dose(c, 30)", "dose(d, 40)"])
-def test_what_is_done_by_hand_out_of_turn_counts_from_the_value_that_there_is(four: str, done: str) -> None:
+def test_what_is_done_by_hand_out_of_turn_counts_from_the_value_that_there_is(
+    four: str, done: str
+) -> None:
     orders = [
         (5_000, GivenOrder(OperatorCommand.INTERRUPT)),
         (15_000, GivenOrder(OperatorCommand.SKIP, done)),

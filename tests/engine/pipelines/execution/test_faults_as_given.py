@@ -1,4 +1,6 @@
-"""Faults that a person orders for a run: what is wrong with them is told before any plan is made."""
+"""Faults that a person orders for a run: what is wrong with them is told before any plan is
+made.
+"""
 
 from pathlib import Path
 

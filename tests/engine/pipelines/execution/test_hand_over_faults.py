@@ -1,4 +1,6 @@
-"""What goes wrong at a hand-over is diagnosed and put right in the run, whatever its cause; or the run says what is lost."""
+"""What goes wrong at a hand-over is diagnosed and put right in the run, whatever its cause; or
+the run says what is lost.
+"""
 
 import pytest
 
@@ -13,7 +15,8 @@ FAILURES = {
     "not_released": ("hand_sticks", "item_tilted", "release_sensor_defective"),
     "lost_between": ("item_dropped", "taker_sensor_defective"),
 }
-# The pick, the hand-over that succeeds in the end, and the put. A sensor that lies has not undone the hand-over.
+# The pick, the hand-over that succeeds in the end, and the put. A sensor that lies has not undone
+# the hand-over.
 STEPS = {"item_dropped": 1, "taker_sensor_defective": 2, "release_sensor_defective": 2}
 CASES = [(cause, exception) for exception, causes in FAILURES.items() for cause in causes]
 

@@ -1,4 +1,6 @@
-"""Inspections in simulation with a hidden truth: the part is found, bad values are repeated, and a stopped run goes on with what it knew."""
+"""Inspections in simulation with a hidden truth: the part is found, bad values are repeated,
+and a stopped run goes on with what it knew.
+"""
 
 import json
 import random
@@ -61,7 +63,13 @@ def job(folder: Path, bad: dict[str, float]) -> Path:
     lines += ["goals:", *(f"  - measured(_, _, meas({name}))" for name in names), ""]
     (folder / "job.yaml").write_text("\n".join(lines))
     values = {f"p{n}": 50.0 for n in range(1, POINTS + 1)}
-    truth = {"shift_mm": SHIFT_MM, "turn_deg": TURN_DEG, "values": values, "noise": {"slra": 20}, "bad": bad}
+    truth = {
+        "shift_mm": SHIFT_MM,
+        "turn_deg": TURN_DEG,
+        "values": values,
+        "noise": {"slra": 20},
+        "bad": bad,
+    }
     (folder / "truth.json").write_text(json.dumps(truth))
     return folder / "job.yaml"
 
@@ -72,7 +80,9 @@ def inspected(
     target, store = job(folder, bad), str(folder / "runs.db")
     problem = load(target).problem
     assert problem is not None
-    wanted = RunRequest(str(target), store=store, run="one", options={"truth": str(folder / "truth.json")})
+    wanted = RunRequest(
+        str(target), store=store, run="one", options={"truth": str(folder / "truth.json")}
+    )
     ending = begin_run(name_run(wanted, problem), problem, orders)
     assert isinstance(ending, Finish)
     return ending, lines_of(store), store
@@ -114,7 +124,9 @@ def test_every_command_behind_the_datums_says_where_the_part_lies(
     _, lines, _ = run
     told = next(line for line in lines if line.kind == RecordKind.ALIGNMENT.value)
     sent = [line for line in lines if line.kind == RecordKind.COMMAND.value]
-    assert all(line.content["part"] == told.content["part"] for line in sent if line.number > told.number)
+    assert all(
+        line.content["part"] == told.content["part"] for line in sent if line.number > told.number
+    )
     assert not any("part" in line.content for line in sent if line.number < told.number)
 
 
@@ -125,7 +137,9 @@ def test_bad_values_are_repeated_and_left_out(run: tuple[Finish, list[JournalLin
     assert {name for name, each in features.items() if each.bad} == set(BAD)
     assert not survey.unmeasured
     assert survey.counts() == {"not judged": DATUMS, "conforming": POINTS}
-    assert all(abs((each.value or 0.0) - 50.0) < 120 for name, each in features.items() if name[0] == "p")
+    assert all(
+        abs((each.value or 0.0) - 50.0) < 120 for name, each in features.items() if name[0] == "p"
+    )
 
 
 @pytest.mark.slow
@@ -134,7 +148,9 @@ def test_a_run_that_is_stopped_goes_on_where_the_part_lies(tmp_path: Path) -> No
     found = next(line for line in whole if line.kind == RecordKind.ALIGNMENT.value)
     for name, at_ms in (("before", found.at_ms - 2_000), ("behind", found.at_ms + 25_000)):
         folder = made_in(tmp_path, name)
-        stopped, _, store = inspected(folder, TimedOrders([(at_ms, GivenOrder(OperatorCommand.STOP))]), BAD)
+        stopped, _, store = inspected(
+            folder, TimedOrders([(at_ms, GivenOrder(OperatorCommand.STOP))]), BAD
+        )
         assert stopped.outcome == "stopped"
         ending = resume_run(store, "one", TimedOrders())
         assert ending.outcome == "reached"
@@ -179,7 +195,8 @@ def test_a_truth_gives_what_the_beam_meets(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", '{"shift": [1]}', '{"shift_mm": [1]}', '{"noise": {"a": "b"}}', '{"bad": []}']
+    "text",
+    ["", "[]", '{"shift": [1]}', '{"shift_mm": [1]}', '{"noise": {"a": "b"}}', '{"bad": []}'],
 )
 def test_a_file_that_is_no_truth_is_refused(tmp_path: Path, text: str) -> None:
     problem: Problem | None = load(job(tmp_path, {})).problem
@@ -190,9 +207,12 @@ def test_a_file_that_is_no_truth_is_refused(tmp_path: Path, text: str) -> None:
     assert [each.code for each in error.value.diagnostics] == ["K413"]
 
 
-def test_datums_that_cannot_hold_the_part_are_refused_before_anything_is_measured(tmp_path: Path) -> None:
+def test_datums_that_cannot_hold_the_part_are_refused_before_anything_is_measured(
+    tmp_path: Path,
+) -> None:
     target = job(tmp_path, {})
-    text = target.read_text().replace("alignment(d", "near(d")  # no datums but those that look along x and y
+    # no datums but those that look along x and y
+    text = target.read_text().replace("alignment(d", "near(d")
     datums = [f"  - alignment(d{n}, 1)" for n in range(1, DATUMS + 1) if n % 3 != 2]
     lines = [line for line in text.splitlines() if "near(d" not in line]
     at = lines.index("statics:") + 1

@@ -1,4 +1,6 @@
-"""A step that prepares a test or a repair fails: what was done before it counts, and the run goes on from the true state."""
+"""A step that prepares a test or a repair fails: what was done before it counts, and the run
+goes on from the true state.
+"""
 
 from dataclasses import replace
 
@@ -23,8 +25,12 @@ BETWEEN = Injection("pick_up(t3_746, slra)", "tool_misplaced")
 
 
 @pytest.mark.slow
-def test_what_was_done_before_a_preparing_step_failed_is_believed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before the part can be located anew, the tool is changed, and the other one is not where it should be."""
+def test_what_was_done_before_a_preparing_step_failed_is_believed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Before the part can be located anew, the tool is changed, and the other one is not where
+    it should be.
+    """
     wrong, made = list[str](), list[HiddenCell]()
 
     class Watched(HiddenCell):
@@ -50,19 +56,31 @@ def test_a_step_outside_of_a_plan_is_sent_as_the_domain_says() -> None:
     domain = problem_of("themse/one").domain
     sense = ground_term("sense(slippage)")
     assert isinstance(sense, Function)
-    activity, pattern = activity_alone(domain, Step(StepId(1), sense, (), (Function("slippage"),), 1))
+    activity, pattern = activity_alone(
+        domain, Step(StepId(1), sense, (), (Function("slippage"),), 1)
+    )
     command = command_of(7, activity)
-    assert (command.number, command.stream, command.expects) == (7, "sensor(slippage)", "value(Reading)")
+    assert (command.number, command.stream, command.expects) == (
+        7,
+        "sensor(slippage)",
+        "value(Reading)",
+    )
     assert match_reply(pattern, "value(slipping)") == {Variable("Reading"): Function("slipping")}
     assert match_reply(pattern, "no_reading") is None
 
 
 def test_a_step_without_a_declared_command_goes_to_its_first_resource() -> None:
     domain = problem_of("themse/one").domain
-    plain = replace(domain, operators=tuple(replace(each, command=None) for each in domain.operators))
-    opening = Step(StepId(1), Function("open_drawer"), (), (Function("mars_gripper"), Function("drawer")))
+    plain = replace(
+        domain, operators=tuple(replace(each, command=None) for each in domain.operators)
+    )
+    opening = Step(
+        StepId(1), Function("open_drawer"), (), (Function("mars_gripper"), Function("drawer"))
+    )
     command = command_of(0, activity_alone(plain, opening)[0])
     assert (command.stream, command.says) == ("mars_gripper", "open_drawer")
     told = Command(Function("arm"), Function("ok"))
-    other = replace(domain, operators=tuple(replace(each, command=told) for each in domain.operators))
+    other = replace(
+        domain, operators=tuple(replace(each, command=told) for each in domain.operators)
+    )
     assert activity_alone(other, opening)[0].expects == "ok"

@@ -1,4 +1,6 @@
-"""What is measured again in a run, and by which tool: the one that is worth it, after a drift was found, until the part is known well enough."""
+"""What is measured again in a run, and by which tool: the one that is worth it, after a drift
+was found, until the part is known well enough.
+"""
 
 import json
 from pathlib import Path
@@ -26,10 +28,17 @@ from cellwright.kb.terms import Function
 from tests.engine.pipelines.execution.test_inspected_runs import TRUE, job, lines_of
 from tests.places import BUNDLED
 
-DRIFT = {"per_value": 2.5, "calibrated_by": "calibrate", "allowance": 30, "cause": "calibration_lost"}
+DRIFT = {
+    "per_value": 2.5,
+    "calibrated_by": "calibrate",
+    "allowance": 30,
+    "cause": "calibration_lost",
+}
 
 
-def carried_out(folder: Path, target: str, truth: dict[str, Any], seed: int = 1) -> tuple[Finish, Survey]:
+def carried_out(
+    folder: Path, target: str, truth: dict[str, Any], seed: int = 1
+) -> tuple[Finish, Survey]:
     file, store = folder / "truth.json", str(folder / "runs.db")
     file.write_text(json.dumps(truth))
     problem = load_problem(target)
@@ -59,7 +68,9 @@ def test_a_goal_that_any_tool_may_reach_is_opened_for_the_one_that_is_named() ->
     ]
 
 
-def test_what_stays_undecided_is_measured_by_the_other_tool_where_that_is_worth_it(tmp_path: Path) -> None:
+def test_what_stays_undecided_is_measured_by_the_other_tool_where_that_is_worth_it(
+    tmp_path: Path,
+) -> None:
     ending, survey = carried_out(tmp_path, "gauging/two_probes", walled(w3=7858.0, w6=7858.0))
     assert ending.outcome == "reached"
     tools = {name: [one.tool for one in each.values] for name, each in features(survey).items()}
@@ -91,7 +102,9 @@ def test_the_other_tool_stays_in_the_rack_where_its_exchange_costs_more_than_a_d
 
 
 @pytest.mark.slow
-def test_a_drift_that_a_calibration_finds_puts_the_values_since_the_last_one_in_doubt(tmp_path: Path) -> None:
+def test_a_drift_that_a_calibration_finds_puts_the_values_since_the_last_one_in_doubt(
+    tmp_path: Path,
+) -> None:
     truth = {
         "values": {f"p{n}": 8000.0 for n in range(1, 31)},
         "noise": {"probe": 5},
@@ -101,7 +114,9 @@ def test_a_drift_that_a_calibration_finds_puts_the_values_since_the_last_one_in_
     assert (ending.outcome, ending.exceptions) == ("reached", 1)
     assert "calibration_lost" in ending.story[0]
     spoilt = [each for each in survey.features if any("drift_found" in why for _, why in each.bad)]
-    lines = [each for each in lines_of(str(tmp_path / "runs.db")) if each.kind == RecordKind.WORLD.value]
+    lines = [
+        each for each in lines_of(str(tmp_path / "runs.db")) if each.kind == RecordKind.WORLD.value
+    ]
     (found,) = [each for each in lines if each.content.get("spoils")]
     assert (
         len(spoilt) == len(found.content["spoils"]) == 25
@@ -162,7 +177,9 @@ def demanding(folder: Path, within_um: int) -> str:
 @pytest.mark.slow
 def test_datums_are_measured_again_until_the_part_is_known_well_enough(tmp_path: Path) -> None:
     target = demanding(tmp_path, 35)
-    ending, survey = carried_out(tmp_path, target, json.loads((tmp_path / "truth.json").read_text()))
+    ending, survey = carried_out(
+        tmp_path, target, json.loads((tmp_path / "truth.json").read_text())
+    )
     assert ending.outcome == "reached"
     assert any("and has to be to 0.035 mm" in each for each in ending.story)
     kinds = [each.kind for each in lines_of(str(tmp_path / "runs.db"))]
@@ -177,7 +194,9 @@ def test_a_demand_that_the_datums_cannot_meet_is_refused_before_anything_else_is
     tmp_path: Path,
 ) -> None:
     target = demanding(tmp_path, 4)
-    ending, survey = carried_out(tmp_path, target, json.loads((tmp_path / "truth.json").read_text()))
+    ending, survey = carried_out(
+        tmp_path, target, json.loads((tmp_path / "truth.json").read_text())
+    )
     assert ending.outcome == "partly"
     assert "12 values of each datum are not enough" in ending.why
     assert "has to be to 0.004 mm" in survey.refused

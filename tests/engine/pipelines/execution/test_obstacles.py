@@ -1,4 +1,6 @@
-"""Runs in which the arm meets what its model does not know: it joins the model, and another way or another plan is found, or told."""
+"""Runs in which the arm meets what its model does not know: it joins the model, and another way
+or another plan is found, or told.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -55,7 +57,9 @@ def room(folder: Path, brick: str = "shelf", suits: tuple[str, ...] = SUITS) -> 
     folder.mkdir(exist_ok=True)
     kiln_room(folder, 1.5, suits)
     path = folder / "problems" / "fire.yaml"
-    path.write_text(path.read_text().replace('"at(brick, top)"]\ngoals', f'"at(brick, {brick})"]\ngoals'))
+    path.write_text(
+        path.read_text().replace('"at(brick, top)"]\ngoals', f'"at(brick, {brick})"]\ngoals')
+    )
     return str(path)
 
 
@@ -69,8 +73,11 @@ def wanted(folder: Path, target: str, **options: str) -> RunRequest:
     return RunRequest(target, store=str(folder / "j.db"), options=options, motion=True)
 
 
-def executed(asked: RunRequest, kill_after: int = 0, *seen: SeenBody) -> tuple[Finish, list[JournalRecord]]:
-    """The ending of a run with motion, and its records. It may be killed after so many steps and taken up again.
+def executed(
+    asked: RunRequest, kill_after: int = 0, *seen: SeenBody
+) -> tuple[Finish, list[JournalRecord]]:
+    """The ending of a run with motion, and its records. It may be killed after so many steps and
+    taken up again.
 
     What was `seen` since the plan was made stands in the cell.
     """
@@ -92,7 +99,13 @@ def executed(asked: RunRequest, kill_after: int = 0, *seen: SeenBody) -> tuple[F
     scope = RunScope(moving.problem, moving.given_up)
     try:
         ending = begin_run(
-            entered, told, TimedOrders(), [heard], table=moving.run.timetable, scope=scope, paths=paths
+            entered,
+            told,
+            TimedOrders(),
+            [heard],
+            table=moving.run.timetable,
+            scope=scope,
+            paths=paths,
         )
     except Killed:
         ending = resume_run(entered.store, entered.run, TimedOrders(), [records.append])
@@ -135,7 +148,10 @@ def test_a_known_body_that_stands_elsewhere_is_moved_first(tmp_path: Path) -> No
     (seen,) = corrections(records)
     assert seen["adds"] == ["at(brick, top)", "free(shelf)"]
     assert seen["ends"] == ["at(brick, shelf)", "free(top)"]
-    assert [each for each in actions(records) if "brick" in each] == ["pick(brick, top)", "put(brick, shelf)"]
+    assert [each for each in actions(records) if "brick" in each] == [
+        "pick(brick, top)",
+        "put(brick, shelf)",
+    ]
     assert actions(records)[-1] == "put(bolt, kiln)"
 
 
@@ -149,14 +165,18 @@ def test_where_no_way_is_left_the_run_stops_with_the_reason(tmp_path: Path) -> N
 
 
 def test_a_run_is_retraced_with_what_its_arm_has_met(tmp_path: Path) -> None:
-    """The arm goes back from what it meets, and the step that follows begins where it was before, around that body."""
+    """The arm goes back from what it meets, and the step that follows begins where it was
+    before, around that body.
+    """
     target = room(tmp_path / "room")
     _, records = executed(
         wanted(tmp_path, target, obstacles=crate(tmp_path, "0.5, 0.0, 0.2", "0.06, 0.06, 0.4"))
     )
     retracing = Retracing.of(problem_of(target), cell_of(target), geometry_backend())
     taken = [found for each in records if (found := retracing.take(each)) is not None]
-    stopped = {each.content["command"] for each in records if each.content.get("text") == "obstructed"}
+    stopped = {
+        each.content["command"] for each in records if each.content.get("text") == "obstructed"
+    }
     (met,) = [n for n, each in enumerate(taken) if each.command in stopped]
     first, again = taken[met].motion, taken[met + 1].motion
     assert isinstance(first, MovedStep)
@@ -166,7 +186,11 @@ def test_a_run_is_retraced_with_what_its_arm_has_met(tmp_path: Path) -> None:
     world = GeometricWorld.of(with_seen(cell_of(target), [whole]))
     ground = PlanningScene(BuiltinChecker(collision_scene_of(world)))
     touches = [
-        any(ground.collides(subdivide_path(leg.path)).any() for leg in each.legs if leg.kind is LegKind.WAY)
+        any(
+            ground.collides(subdivide_path(leg.path)).any()
+            for leg in each.legs
+            if leg.kind is LegKind.WAY
+        )
         for each in (first, again)
     ]
     assert touches == [True, False]
@@ -180,19 +204,26 @@ def test_a_step_that_has_no_motion_any_more_is_not_sent(tmp_path: Path) -> None:
     assert [each["text"] for each in replies] == ["done", "no_motion"]
     assert "screen" in replies[-1]["data"]["why"]
     assert (ending.outcome, ending.steps) == ("stopped", 1)
-    assert ending.makespan_ms == next(each.at_ms for each in records if each.kind is RecordKind.DONE)
+    assert ending.makespan_ms == next(
+        each.at_ms for each in records if each.kind is RecordKind.DONE
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 2])
-def test_a_run_that_is_killed_knows_what_it_has_met_and_where_its_arm_is(steps: int, tmp_path: Path) -> None:
+def test_a_run_that_is_killed_knows_what_it_has_met_and_where_its_arm_is(
+    steps: int, tmp_path: Path
+) -> None:
     target = room(tmp_path / "room")
     options = {"really": "at(brick, top); -at(brick, shelf)"}
     whole, one = executed(wanted(tmp_path, target, **options))
     ending, two = executed(wanted(tmp_path, target, **options), kill_after=steps)
     assert actions(one) == actions(two)
     assert (ending.outcome, ending.makespan_ms) == (whole.outcome, whole.makespan_ms)
-    arms = [[each.content["arms"] for each in found if each.kind is RecordKind.DONE] for found in (one, two)]
+    arms = [
+        [each.content["arms"] for each in found if each.kind is RecordKind.DONE]
+        for found in (one, two)
+    ]
     assert arms[0] == arms[1]
 
 

@@ -7,7 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.model.run_protocol import CommandKind, DriverCommand, JournalRecord, RecordKind
+from cellwright.engine.model.run_protocol import (
+    CommandKind,
+    DriverCommand,
+    JournalRecord,
+    RecordKind,
+)
 from cellwright.engine.pipelines.execution import RunExecution, TimedOrders
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.controllers.protocol import command_entry, read_command
@@ -32,14 +37,19 @@ HEAT = "    command: {stream: $name(heat(Time)), reply: done}\n"
 def cell_with(folder: Path, look: str) -> Path:
     """THEMSE, whose furnace looks at something when it heats."""
     home = folder / "lab"
-    shutil.copytree(bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    shutil.copytree(
+        bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems")
+    )
     furnace = shutil.copytree(
         bundled_domains()["themse"].parent / "devices" / "furnace", home / "devices" / "furnace"
     )
     text = (furnace / "device.yaml").read_text("utf-8")
     (furnace / "device.yaml").write_text(text.replace(HEAT, HEAT + look), "utf-8")
     (home / "problems").mkdir()
-    said = "problem: heated\ndomain: ..\nworkflow:\n  - for: {P: [probe_1]}\n    stages: heated(P, 15 min)\n"
+    said = (
+        "problem: heated\ndomain: ..\nworkflow:\n  - for: {P: [probe_1]}\n    stages: heated(P, "
+        "15 min)\n"
+    )
     (home / "problems" / "heated.yaml").write_text(said, "utf-8")
     return home / "problems" / "heated.yaml"
 
@@ -82,7 +92,9 @@ def of(records: list[JournalRecord], kind: RecordKind) -> list[JournalRecord]:
     return [each for each in records if each.kind is kind]
 
 
-def test_what_is_so_is_looked_at_and_nothing_else_changes(heated: tuple[Problem, ReadyPlan]) -> None:
+def test_what_is_so_is_looked_at_and_nothing_else_changes(
+    heated: tuple[Problem, ReadyPlan],
+) -> None:
     records = run(*heated, looks=10**9)
     (heat,) = [each for each in of(records, RecordKind.COMMAND) if "heat" in each.content["action"]]
     assert heat.content["looks"] == heat.content["watches"] == [CLOSED]
@@ -91,7 +103,9 @@ def test_what_is_so_is_looked_at_and_nothing_else_changes(heated: tuple[Problem,
     assert not any("looks" in each.content for each in others)
 
 
-def test_a_step_does_not_begin_if_what_it_looks_at_is_not_so(heated: tuple[Problem, ReadyPlan]) -> None:
+def test_a_step_does_not_begin_if_what_it_looks_at_is_not_so(
+    heated: tuple[Problem, ReadyPlan],
+) -> None:
     records = run(*heated, looks=0)
     (heat,) = [each for each in of(records, RecordKind.COMMAND) if "heat" in each.content["action"]]
     (failed,) = of(records, RecordKind.EXCEPTION)
@@ -99,7 +113,9 @@ def test_a_step_does_not_begin_if_what_it_looks_at_is_not_so(heated: tuple[Probl
     assert records[-1].content["outcome"] == "stopped"
 
 
-def test_a_step_ends_at_once_if_what_it_watches_is_not_so_any_more(heated: tuple[Problem, ReadyPlan]) -> None:
+def test_a_step_ends_at_once_if_what_it_watches_is_not_so_any_more(
+    heated: tuple[Problem, ReadyPlan],
+) -> None:
     problem, ready = heated
     driver = Simulator(HiddenCell(problem, None))
     for step in ready.plan.steps:
@@ -127,7 +143,9 @@ def test_a_step_ends_at_once_if_what_it_watches_is_not_so_any_more(heated: tuple
             )
         ]
     )
-    driver.send([DriverCommand(101, CommandKind.STEP, "arm", "press_switch(closed, open)", lasts_ms=3_000)])
+    driver.send(
+        [DriverCommand(101, CommandKind.STEP, "arm", "press_switch(closed, open)", lasts_ms=3_000)]
+    )
     came = [*driver.receive(None), *driver.receive(None)]
     assert [(each.number, getattr(each, "text", ""), each.at_ms - begun) for each in came] == [
         (101, "done", 3_000),
@@ -136,17 +154,22 @@ def test_a_step_ends_at_once_if_what_it_watches_is_not_so_any_more(heated: tuple
     assert set(driver.cell.world.reached.values()) == {0}
 
 
-def test_looks_are_kept_in_journals_and_logs_and_on_the_wire(heated: tuple[Problem, ReadyPlan]) -> None:
+def test_looks_are_kept_in_journals_and_logs_and_on_the_wire(
+    heated: tuple[Problem, ReadyPlan],
+) -> None:
     problem, ready = heated
     entry = plan_content(ready, "first", RunScope(problem))
     assert compiled_of(entry).program == ready.compiled.program
-    command = DriverCommand(1, CommandKind.STEP, "furnace", "heat", looks=(CLOSED,), watches=(CLOSED,))
+    command = DriverCommand(
+        1, CommandKind.STEP, "furnace", "heat", looks=(CLOSED,), watches=(CLOSED,)
+    )
     assert read_command(command_entry(command)) == command
     assert _read_command(_command_entry(command)) == command
 
 
 @pytest.mark.parametrize(
-    "fact", ["position(flap, Setting)", "position(flap, closed), free(slot(furnace, 1))", "flying(Probe)"]
+    "fact",
+    ["position(flap, Setting)", "position(flap, closed), free(slot(furnace, 1))", "flying(Probe)"],
 )
 def test_a_look_is_at_one_known_fact_of_the_step(tmp_path: Path, fact: str) -> None:
     with pytest.raises(InvalidInput):

@@ -1,4 +1,6 @@
-"""Orders reach the run that they are for, from another process or thread, with who gave them and when."""
+"""Orders reach the run that they are for, from another process or thread, with who gave them
+and when.
+"""
 
 import tempfile
 from collections.abc import Iterator
@@ -9,7 +11,12 @@ import pytest
 
 from cellwright.engine.model.run_protocol import JournalRecord, OperatorCommand, RecordKind
 from cellwright.engine.pipelines.execution import GivenOrder
-from cellwright.engine.pipelines.execution.run_socket import OrderChannel, going_on, socket_address, tell_run
+from cellwright.engine.pipelines.execution.run_socket import (
+    OrderChannel,
+    going_on,
+    socket_address,
+    tell_run,
+)
 from cellwright.kb.diagnostics import InvalidInput
 
 
@@ -44,7 +51,10 @@ def test_one_run_of_a_name_needs_no_store_and_the_same_run_is_refused_twice(
     store = str(tmp_path / "a.db")
     with OrderChannel("monday", store) as one:
         tell_run("monday", "skip", "pick(probe_1)", who="Ada")
-        with pytest.raises(InvalidInput, match="goes on in another process"), OrderChannel("monday", store):
+        with (
+            pytest.raises(InvalidInput, match="goes on in another process"),
+            OrderChannel("monday", store),
+        ):
             pass
         (given,) = one.due(0)
     assert (given.order, given.text, given.origin, given.who) == (
@@ -96,7 +106,9 @@ def test_a_caller_is_told_what_came_of_an_order(
         while not one.due(0):
             pass
         one.watch(
-            JournalRecord(1, 0, RecordKind.DECISION, {"what": "skip refused", "why": "of another order"})
+            JournalRecord(
+                1, 0, RecordKind.DECISION, {"what": "skip refused", "why": "of another order"}
+            )
         )
         one.watch(JournalRecord(2, 0, RecordKind.ORDER, {"order": "skip", "given": "99"}))
         one.watch(JournalRecord(3, 0, kind, content))

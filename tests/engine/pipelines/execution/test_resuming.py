@@ -37,9 +37,12 @@ def slowly(group: int, written: bool) -> ParameterSet:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("group", "written"), [(2, True), slowly(5, False), slowly(6, True), slowly(9, True), (27, False)]
+    ("group", "written"),
+    [(2, True), slowly(5, False), slowly(6, True), slowly(9, True), (27, False)],
 )
-def test_a_run_killed_with_a_fault_in_it_reaches_its_goals(tmp_path: Path, group: int, written: bool) -> None:
+def test_a_run_killed_with_a_fault_in_it_reaches_its_goals(
+    tmp_path: Path, group: int, written: bool
+) -> None:
     assert check(tmp_path, group, written, FAULT)
 
 
@@ -92,7 +95,9 @@ def test_one_can_go_back_to_a_step_that_was_done_before_a_checkpoint(
 
 @pytest.mark.slow
 def test_a_run_can_be_killed_at_any_group_of_records(tmp_path: Path) -> None:
-    """At every third group, before or after it is written in turn; `benchmarks/kills.py` kills at every one."""
+    """At every third group, before or after it is written in turn; `benchmarks/kills.py` kills
+    at every one.
+    """
     for group in itertools.count(2, 3):
         folder = tmp_path / str(group)
         folder.mkdir()

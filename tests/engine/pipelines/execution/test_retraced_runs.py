@@ -1,4 +1,6 @@
-"""The motions of a run are found from its journal: what is planned for its steps, in the time that they took."""
+"""The motions of a run are found from its journal: what is planned for its steps, in the time
+that they took.
+"""
 
 import struct
 from itertools import pairwise
@@ -78,11 +80,15 @@ def test_the_stretches_of_a_motion_last_as_long_as_the_step(steps: list[TakenSte
         assert sum(each.seconds for each in parts) == pytest.approx(taken.motion.seconds)
 
 
-def test_the_path_of_the_tool_is_that_of_the_world(steps: list[TakenStep], resting: RestingCell) -> None:
+def test_the_path_of_the_tool_is_that_of_the_world(
+    steps: list[TakenStep], resting: RestingCell
+) -> None:
     path = tool_path(resting, steps[0], 5)
     for point, share in zip(path, np.linspace(0.0, 1.0, 5), strict=True):
         world = world_during(resting, steps[0], float(share))
-        assert point == pytest.approx(world.pose("world", f"{next(iter(world.cell.arms))}.tool")[:3, 3])
+        assert point == pytest.approx(
+            world.pose("world", f"{next(iter(world.cell.arms))}.tool")[:3, 3]
+        )
 
 
 def test_surfaces_as_stl_are_read_back(resting: RestingCell) -> None:

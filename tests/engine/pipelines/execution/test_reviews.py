@@ -1,4 +1,6 @@
-"""Orders, lateness and limited stays while steps are under way: what has begun ends as it began, the rest is planned anew."""
+"""Orders, lateness and limited stays while steps are under way: what has begun ends as it
+began, the rest is planned anew.
+"""
 
 import shutil
 from functools import cache
@@ -37,7 +39,9 @@ def of(records: list[JournalRecord], kind: RecordKind) -> list[JournalRecord]:
 @pytest.mark.parametrize(
     "at_ms", [3_000, *(pytest.param(each, marks=pytest.mark.slow) for each in (100_000, 930_000))]
 )
-def test_a_further_command_joins_while_steps_are_under_way_and_touches_none_of_them(at_ms: int) -> None:
+def test_a_further_command_joins_while_steps_are_under_way_and_touches_none_of_them(
+    at_ms: int,
+) -> None:
     ending, records, cell = executed("themse/one", orders=TimedOrders([(at_ms, FURTHER)]))
     assert ending.outcome == "reached"
     assert "heated(probe_2, 300) of probe_2" in ending.goals
@@ -92,7 +96,10 @@ def test_a_run_that_stops_behind_a_further_command_takes_it_up_again(tmp_path: P
     problem, _ = planned("themse/one")
     wanted = name_run(RunRequest("themse/one", store=str(tmp_path / "j.db")), problem)
     stop = GivenOrder(OperatorCommand.STOP)
-    assert begin_run(wanted, problem, TimedOrders([(100_000, FURTHER), (101_000, stop)])).outcome == "stopped"
+    assert (
+        begin_run(wanted, problem, TimedOrders([(100_000, FURTHER), (101_000, stop)])).outcome
+        == "stopped"
+    )
     ending = resume_run(wanted.store, wanted.run, TimedOrders())
     assert ending.outcome == "reached"
     assert len(ending.goals) == 4
@@ -105,13 +112,20 @@ def test_a_run_that_stops_behind_a_further_command_takes_it_up_again(tmp_path: P
 def short_stays(folder: Path, most: int) -> tuple[Problem, ReadyPlan]:
     """Two probes, and a furnace in which nothing may stay for longer than so many seconds."""
     home = folder / "lab"
-    shutil.copytree(bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    shutil.copytree(
+        bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems")
+    )
     domain = home / "domain.yaml"
-    text = domain.read_text("utf-8").replace("\nstatics:", "\nstatics:\n  longest_stay(unit, time): {}", 1)
+    text = domain.read_text("utf-8").replace(
+        "\nstatics:", "\nstatics:\n  longest_stay(unit, time): {}", 1
+    )
     domain.write_text(text, "utf-8")
     (home / "problems").mkdir()
     text = f"problem: two\ndomain: ..\nstatics:\n  - longest_stay(furnace, {most})\nworkflow:\n"
-    text += "  - for: {P: [probe_1, probe_2]}\n    stages: heated(P, 15 min), cooled(P, 5 min), stored(P)\n"
+    text += (
+        "  - for: {P: [probe_1, probe_2]}\n    stages: heated(P, 15 min), cooled(P, 5 min), "
+        "stored(P)\n"
+    )
     (home / "problems" / "two.yaml").write_text(text, "utf-8")
     problem = load_problem(str(home / "problems" / "two.yaml"))
     found = first_plan(problem)
@@ -124,11 +138,15 @@ def run(
 ) -> tuple[Finish, list[JournalRecord]]:
     driver, kept = Simulator(HiddenCell(problem, None), settings), Kept()
     execution = RunExecution("r", problem, driver, Recorder(kept, driver.now_ms), TimedOrders())
-    return execution.start(ready, SymbolicWorld.of(problem, initial_situation(problem).state)), kept.records
+    return execution.start(
+        ready, SymbolicWorld.of(problem, initial_situation(problem).state)
+    ), kept.records
 
 
 def stays(records: list[JournalRecord]) -> list[int]:
-    """How long each probe was in the furnace, from the end of the step that brought it to the start of the next."""
+    """How long each probe was in the furnace, from the end of the step that brought it to the
+    start of the next.
+    """
     brought, found = {}, []
     for each in of(records, RecordKind.DONE):
         name, _, rest = each.content["action"].partition("(")
@@ -147,7 +165,9 @@ def test_no_stay_is_too_long_without_being_told(tmp_path: Path, seed: int) -> No
     ending, records = run(problem, ready, SimulatorSettings(seed, spread=0.2))
     assert ending.outcome == "reached"
     told = [
-        each for each in of(records, RecordKind.EXCEPTION) if each.content["exception"] == "stays_too_long"
+        each
+        for each in of(records, RecordKind.EXCEPTION)
+        if each.content["exception"] == "stays_too_long"
     ]
     assert all(stay <= 960_000 for stay in stays(records)) or told
     assert len(stays(records)) == 2

@@ -80,11 +80,18 @@ def test_a_stop_takes_effect_at_once(at_ms: int) -> None:
 
 def test_an_interruption_pauses_with_empty_hands_and_the_run_goes_on_when_told() -> None:
     orders = TimedOrders(
-        [(10_000, GivenOrder(OperatorCommand.INTERRUPT)), (100_000, GivenOrder(OperatorCommand.CONTINUE))]
+        [
+            (10_000, GivenOrder(OperatorCommand.INTERRUPT)),
+            (100_000, GivenOrder(OperatorCommand.CONTINUE)),
+        ]
     )
     ending, records, _ = executed("themse/one", orders=orders)
-    paused = next(each for each in of(records, RecordKind.PHASE) if each.content["phase"] == "paused")
-    between = [each for each in of(records, RecordKind.COMMAND) if paused.at_ms <= each.at_ms < 100_000]
+    paused = next(
+        each for each in of(records, RecordKind.PHASE) if each.content["phase"] == "paused"
+    )
+    between = [
+        each for each in of(records, RecordKind.COMMAND) if paused.at_ms <= each.at_ms < 100_000
+    ]
     assert paused.at_ms == 25_000  # the probe that was in the gripper is in the furnace
     assert [each.content["stream"] for each in between] == []
     assert ending.outcome == "reached"
@@ -93,7 +100,10 @@ def test_an_interruption_pauses_with_empty_hands_and_the_run_goes_on_when_told()
 @pytest.mark.parametrize("at_ms", [10_000, 400_000])
 def test_a_pause_is_noted_once_whether_it_comes_at_once_or_later(at_ms: int) -> None:
     orders = TimedOrders(
-        [(at_ms, GivenOrder(OperatorCommand.INTERRUPT)), (950_000, GivenOrder(OperatorCommand.CONTINUE))]
+        [
+            (at_ms, GivenOrder(OperatorCommand.INTERRUPT)),
+            (950_000, GivenOrder(OperatorCommand.CONTINUE)),
+        ]
     )
     _, records, _ = executed("themse/one", orders=orders)
     said = [line for each in records for line in narrate_record(each) if "paused" in line]
@@ -101,18 +111,25 @@ def test_a_pause_is_noted_once_whether_it_comes_at_once_or_later(at_ms: int) -> 
 
 
 def test_a_stop_is_told_once() -> None:
-    _, records, _ = executed("themse/one", orders=TimedOrders([(5_000, GivenOrder(OperatorCommand.STOP))]))
+    _, records, _ = executed(
+        "themse/one", orders=TimedOrders([(5_000, GivenOrder(OperatorCommand.STOP))])
+    )
     said = [line for each in records for line in narrate_record(each) if "stopped" in line]
     assert len(said) == 1
 
 
 def test_what_an_order_begins_is_sent_before_anything_is_waited_for() -> None:
     orders = TimedOrders(
-        [(10_000, GivenOrder(OperatorCommand.INTERRUPT)), (100_000, GivenOrder(OperatorCommand.CONTINUE))]
+        [
+            (10_000, GivenOrder(OperatorCommand.INTERRUPT)),
+            (100_000, GivenOrder(OperatorCommand.CONTINUE)),
+        ]
     )
     _, records, _ = executed("themse/one", orders=orders)
     begun = [each.content["started_ms"] for each in of(records, RecordKind.DONE)]
-    ended = next(each for each in of(records, RecordKind.DONE) if each.content["started_ms"] == 100_000)
+    ended = next(
+        each for each in of(records, RecordKind.DONE) if each.content["started_ms"] == 100_000
+    )
     assert (begun.count(100_000), ended.at_ms) == (1, 103_000)
 
 
@@ -148,7 +165,9 @@ def test_a_step_done_by_hand_is_skipped_at_a_pause() -> None:
 
 
 def test_a_simulated_cell_is_told_what_a_hand_has_done() -> None:
-    """What was skipped or corrected is so in the cell: later steps find it there, and the goals are reached in truth."""
+    """What was skipped or corrected is so in the cell: later steps find it there, and the goals
+    are reached in truth.
+    """
     pause, go_on = (
         (10_000, GivenOrder(OperatorCommand.INTERRUPT)),
         (30_001, GivenOrder(OperatorCommand.CONTINUE)),
@@ -158,7 +177,10 @@ def test_a_simulated_cell_is_told_what_a_hand_has_done() -> None:
     done = [each.content["action"] for each in of(records, RecordKind.DONE)]
     assert "press_switch(open, closed)" not in done
     assert (ending.outcome, cell.world.reached) == ("reached", {"1:probe_1": 3})
-    corrected = (30_000, GivenOrder(OperatorCommand.CORRECT, "position(flap, closed); -position(flap, open)"))
+    corrected = (
+        30_000,
+        GivenOrder(OperatorCommand.CORRECT, "position(flap, closed); -position(flap, open)"),
+    )
     ending, _, cell = executed("themse/one", orders=TimedOrders([pause, corrected, go_on]))
     assert (ending.outcome, cell.world.reached) == ("reached", {"1:probe_1": 3})
 
@@ -187,7 +209,9 @@ def test_a_person_answers_before_the_cell_does() -> None:
     ]
     ending, records, _ = executed("themse/one", fault, orders=TimedOrders(orders))
     replies = [
-        each for each in of(records, RecordKind.REPLY) if each.content["command"] == asked.content["command"]
+        each
+        for each in of(records, RecordKind.REPLY)
+        if each.content["command"] == asked.content["command"]
     ]
     assert (replies[0].at_ms, replies[0].content["text"]) == (asked.at_ms + 1_000, "cured")
     assert "answer refused" in [each.content["what"] for each in of(records, RecordKind.DECISION)]

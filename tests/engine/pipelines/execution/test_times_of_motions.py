@@ -1,4 +1,6 @@
-"""How long steps last in a run with motion: as long as their motions, which a plan rounds up to whole units of time."""
+"""How long steps last in a run with motion: as long as their motions, which a plan rounds up to
+whole units of time.
+"""
 
 import math
 from pathlib import Path
@@ -36,5 +38,7 @@ def test_what_the_carriage_does_lasts_as_long_as_the_plan_says() -> None:
     before = PlanGate().semantics(problem).initial()
     after = before - {Function("stands", (arm, middle))} | {Function("stands", (arm, left))}
     paths = RunPaths(problem, cell_of(target))
-    assert not paths.refusal(1, Function("drive", (arm, Function("us_probe"), middle, left)), before, after)
+    assert not paths.refusal(
+        1, Function("drive", (arm, Function("us_probe"), middle, left)), before, after
+    )
     assert paths.lasts_ms(1) is None

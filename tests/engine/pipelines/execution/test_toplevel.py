@@ -57,13 +57,20 @@ def test_tools_that_make_no_plan_are_told(tools: tuple[str, ...]) -> None:
 
 
 def test_that_there_is_no_plan_is_asked_of_one_tool_only() -> None:
-    assert isinstance(choose_and_plan(problem_of("themse/unsolvable"), SearchLimits()).outcome, Infeasible)
+    assert isinstance(
+        choose_and_plan(problem_of("themse/unsolvable"), SearchLimits()).outcome, Infeasible
+    )
 
 
 def test_a_domain_declares_its_tools(tmp_path: Path) -> None:
-    text = "domain: lamps\ntypes: {lamp: object}\nobjects: {lamp: [lamp_1]}\nfluents:\n  lit(lamp): {}\n"
+    text = (
+        "domain: lamps\ntypes: {lamp: object}\nobjects: {lamp: [lamp_1]}\nfluents:\n  "
+        "lit(lamp): {}\n"
+    )
     text += "operators:\n  on(Lamp):\n    types: {Lamp: lamp}\n    adds: lit(Lamp)\n"
-    (tmp_path / "problem.yaml").write_text("problem: p\ndomain: .\ngoals:\n  - lit(lamp_1)\n", "utf-8")
+    (tmp_path / "problem.yaml").write_text(
+        "problem: p\ndomain: .\ngoals:\n  - lit(lamp_1)\n", "utf-8"
+    )
     (tmp_path / "domain.yaml").write_text(text, "utf-8")
     assert load_problem(str(tmp_path / "problem.yaml")).domain.tools == RUN_TOOLS
     (tmp_path / "domain.yaml").write_text(text + "tools: [planner, diagnosis]\n", "utf-8")

@@ -1,4 +1,6 @@
-"""Single facts that help: which are found, in which words, and what a dropped goal leaves behind."""
+"""Single facts that help: which are found, in which words, and what a dropped goal leaves
+behind.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -108,14 +110,20 @@ def kinds(found: Explanation) -> list[str]:
                 "change static weight(v1, 4) instead of weight(v1, 30)",
             ],
         ),
-        ("strength(left, 4), weight(v1, 4), broken(left)", "lifted(v1)", ["remove static broken(left)"]),
+        (
+            "strength(left, 4), weight(v1, 4), broken(left)",
+            "lifted(v1)",
+            ["remove static broken(left)"],
+        ),
         ("weight(v1, 77)", "checked", ["add static bound(77)"]),
     ],
 )
 def test_numbers_are_the_nearest_that_a_comparison_asks_for(
     cell: Write, statics: str, goal: str, advice: list[str]
 ) -> None:
-    problem = cell(f"statics: ['{statics}']\ngoals: ['{goal}']\n" if statics else f"goals: ['{goal}']\n")
+    problem = cell(
+        f"statics: ['{statics}']\ngoals: ['{goal}']\n" if statics else f"goals: ['{goal}']\n"
+    )
     found = kinds(explain_infeasibility(problem))
     assert set(advice) <= set(found)
     assert len({each.split(" instead")[0].rsplit(",")[0] for each in found}) == len(found)
@@ -148,16 +156,23 @@ def test_dropping_a_chain_leaves_no_chain_that_waits_for_it(tmp_path: Path) -> N
     file = tmp_path / "problems" / "p.yaml"
     file.write_text("problem: p\ndomain: hand\ninitial: [empty]\ngoals: [held(p1)]\n")
     one, two = (atom(f"held(p{n})") for n in (1, 2))
-    chains = (Chain("1", (one,), (), one.arguments[0]), Chain("2", (two,), ("1",), two.arguments[0]))
+    chains = (
+        Chain("1", (one,), (), one.arguments[0]),
+        Chain("2", (two,), ("1",), two.arguments[0]),
+    )
     problem = replace(load_problem(str(file)), chains=chains, goal=And(()))
     drops = [change for change in explain_infeasibility(problem).changes if change.goal]
     assert len(drops) == 2
-    assert all(isinstance(checked_plan.plan_problem(apply_amendment(problem, each)), Found) for each in drops)
+    assert all(
+        isinstance(checked_plan.plan_problem(apply_amendment(problem, each)), Found)
+        for each in drops
+    )
 
 
 def test_what_waited_for_a_dropped_chain_waits_for_those_before_it() -> None:
     one, two, three = (
-        Chain(name, (Function("r"),), after) for name, after in (("1", ()), ("2", ("1",)), ("3", ("2",)))
+        Chain(name, (Function("r"),), after)
+        for name, after in (("1", ()), ("2", ("1",)), ("3", ("2",)))
     )
     assert [each.after for each in without_chains((one, two, three), {"2"})] == [(), ("1",)]
     assert [each.after for each in without_chains((one, two, three), {"1", "2"})] == [()]

@@ -1,4 +1,6 @@
-"""Events that nobody asks for: where they are all that is missing, the explanation says so, and which needs never hold together."""
+"""Events that nobody asks for: where they are all that is missing, the explanation says so, and
+which needs never hold together.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -67,11 +69,14 @@ def cell(tmp_path: Path) -> Write:
     return write
 
 
-def test_a_rotor_that_is_not_balanced_with_one_tube_is_told_to_take_another_one(cell: Write) -> None:
+def test_a_rotor_that_is_not_balanced_with_one_tube_is_told_to_take_another_one(
+    cell: Write,
+) -> None:
     problem = cell("initial: ['filled(a), filled(b)']\nworkflow: [{stages: 'spun(a)'}]\n")
     found = explain_infeasibility(problem)
     assert found.exclusions == (
-        "spin needs balanced, inside(a) and not inside(b), which never hold together: no workflow asks for spun(b)",
+        "spin needs balanced, inside(a) and not inside(b), which never hold together: no "
+        "workflow asks for spun(b)",
     )
     first = found.changes[0]
     assert (first.kind, list(map(str, first.facts))) == ("add stage", ["spun(b)"])
@@ -83,11 +88,14 @@ def test_a_rotor_that_is_not_balanced_with_one_tube_is_told_to_take_another_one(
 
 
 def test_facts_that_would_help_are_found_beside_it(cell: Write) -> None:
-    """Nobody fills the second tube: so the first advice is a fact, and none says what is not enough."""
+    """Nobody fills the second tube: so the first advice is a fact, and none says what is not
+    enough.
+    """
     problem = cell("initial: ['filled(a)']\nworkflow: [{stages: 'spun(a)'}]\n")
     found = explain_infeasibility(problem)
     assert all(
-        isinstance(checked_plan.plan_problem(apply_amendment(problem, each)), Found) for each in found.changes
+        isinstance(checked_plan.plan_problem(apply_amendment(problem, each)), Found)
+        for each in found.changes
     )
     assert not [each for each in found.changes if each.stages]
 
@@ -100,7 +108,9 @@ def test_a_step_of_two_events_is_told_by_the_second_one(cell: Write) -> None:
 @pytest.mark.slow
 def test_one_tube_alone_needs_another_one_in_the_bundled_rotor() -> None:
     problem = checked_plan.problem_of("centrifuge/four", command="spin tube 1 for 5 min")
-    goals = minimal_goals(problem, lambda each: isinstance(checked_plan.plan_problem(each), Infeasible))
+    goals = minimal_goals(
+        problem, lambda each: isinstance(checked_plan.plan_problem(each), Infeasible)
+    )
     space = ProblemSpace.of(problem, ())
     change, found = next(find_companions(problem, goals, space, checked_plan.plan_problem))
     assert (change.kind, list(map(str, change.facts))) == ("add stage", ["spun(tube_2, 300)"])

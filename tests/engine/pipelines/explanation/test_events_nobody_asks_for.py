@@ -1,4 +1,6 @@
-"""Where a goal needs an event and no workflow asks for it, the explanation proposes to ask for it."""
+"""Where a goal needs an event and no workflow asks for it, the explanation proposes to ask for
+it.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,7 +26,9 @@ def cell(tmp_path: Path) -> Write:
 
     def write(rest: str) -> Problem:
         (tmp_path / "problems").mkdir()
-        (tmp_path / "domain.yaml").write_text(DOMAIN.replace("[one, two]", "[one, two, three, four, five]"))
+        (tmp_path / "domain.yaml").write_text(
+            DOMAIN.replace("[one, two]", "[one, two, three, four, five]")
+        )
         (tmp_path / "problems" / "p.yaml").write_text(f"problem: p\ndomain: filling\n{rest}")
         return load_problem(str(tmp_path / "problems" / "p.yaml"))
 

@@ -22,7 +22,9 @@ BUNDLED = [pytest.param(name, marks=QUICK.get(name, [pytest.mark.long])) for nam
 
 
 def without_one_fact(problem: Problem) -> Iterator[tuple[str, Problem]]:
-    """The problem without one of its static facts, given in the problem or in the domain's rules."""
+    """The problem without one of its static facts, given in the problem or in the domain's
+    rules.
+    """
     for fact in problem.statics:
         yield str(fact), replace(problem, statics=tuple(f for f in problem.statics if f != fact))
     for part in problem.domain.asp:
@@ -120,9 +122,13 @@ def test_a_step_that_is_not_there_is_bad_input() -> None:
         ("weigh", "no operator makes weighed(b1) true, and the goal needs it"),
     ],
 )
-def test_a_domain_without_an_operator_is_told_what_nothing_makes_true(operator: str, gap: str) -> None:
+def test_a_domain_without_an_operator_is_told_what_nothing_makes_true(
+    operator: str, gap: str
+) -> None:
     problem = load_problem("tests/domains/capping/problems/no_caps.yaml")
     left = tuple(each for each in problem.domain.operators if each.name != operator)
-    explanation = explain_infeasibility(replace(problem, domain=replace(problem.domain, operators=left)))
+    explanation = explain_infeasibility(
+        replace(problem, domain=replace(problem.domain, operators=left))
+    )
     assert explanation.gaps == (gap,)
     assert all(change.kind == "drop goal" for change in explanation.changes)

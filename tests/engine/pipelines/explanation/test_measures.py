@@ -1,4 +1,6 @@
-"""What explanations know of quantities: which values steps can bring about, and which steps break a goal for good."""
+"""What explanations know of quantities: which values steps can bring about, and which steps
+break a goal for good.
+"""
 
 from collections.abc import Callable
 from pathlib import Path

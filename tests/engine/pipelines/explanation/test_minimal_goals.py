@@ -1,4 +1,6 @@
-"""The goals that exclude one another are found by halves, as leaving out one after the other finds them."""
+"""The goals that exclude one another are found by halves, as leaving out one after the other
+finds them.
+"""
 
 import pytest
 from hypothesis import given
@@ -21,7 +23,9 @@ def wanting(count: int) -> Problem:
 
 
 def numbers(problem: Problem) -> frozenset[int]:
-    found = [part.atom.arguments[0] for part in goal_parts(problem.goal) if isinstance(part, Literal)]
+    found = [
+        part.atom.arguments[0] for part in goal_parts(problem.goal) if isinstance(part, Literal)
+    ]
     return frozenset(each.value for each in found if isinstance(each, Number))
 
 
@@ -42,8 +46,12 @@ def test_halves_find_what_one_after_another_finds(data: st.DataObject) -> None:
     count = data.draw(st.integers(1, 12))
     some = st.frozensets(st.integers(0, count - 1), min_size=1, max_size=4)
     conflicts = data.draw(st.frozensets(some, min_size=1, max_size=4))
-    found = minimal_goals(wanting(count), lambda each: any(known <= numbers(each) for known in conflicts))
-    assert {int(str(goal)[len("wanted(") : -1]) for goal in found} == one_after_another(count, conflicts)
+    found = minimal_goals(
+        wanting(count), lambda each: any(known <= numbers(each) for known in conflicts)
+    )
+    assert {int(str(goal)[len("wanted(") : -1]) for goal in found} == one_after_another(
+        count, conflicts
+    )
 
 
 @pytest.mark.parametrize("conflict", [{3}, {0, 63}, {20, 21, 22}])

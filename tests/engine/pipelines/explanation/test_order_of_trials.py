@@ -1,4 +1,6 @@
-"""In which order changes are tried, and which are not tried at all: what is plain comes first, what bears on no goal never."""
+"""In which order changes are tried, and which are not tried at all: what is plain comes first,
+what bears on no goal never.
+"""
 
 from pathlib import Path
 
@@ -116,9 +118,15 @@ def tried(problem: Problem) -> list[Problem]:
     return found
 
 
-def test_a_fact_that_people_give_is_told_and_not_what_rules_alone_make_of_it(tmp_path: Path) -> None:
-    problem = made(tmp_path, LIDS, RULES, "initial: ['at(cover, stand)']\ngoals: ['at(cover, rim)']\n")
-    assert [str(each) for each in explain_infeasibility(problem).changes] == ["add static fits(cover, rim)"]
+def test_a_fact_that_people_give_is_told_and_not_what_rules_alone_make_of_it(
+    tmp_path: Path,
+) -> None:
+    problem = made(
+        tmp_path, LIDS, RULES, "initial: ['at(cover, stand)']\ngoals: ['at(cover, rim)']\n"
+    )
+    assert [str(each) for each in explain_infeasibility(problem).changes] == [
+        "add static fits(cover, rim)"
+    ]
 
 
 @pytest.mark.slow
@@ -149,7 +157,11 @@ def test_objects_that_an_operator_names_are_alike_with_none(tmp_path: Path) -> N
     assert [
         sorted(map(str, alike.images(Edit("initial", Function("seen", (Function(each),))))))
         for each in ("a", "b", "c")
-    ] == [["add initial seen(a)"], ["add initial seen(b)"], ["add initial seen(c)", "add initial seen(d)"]]
+    ] == [
+        ["add initial seen(a)"],
+        ["add initial seen(b)"],
+        ["add initial seen(c)", "add initial seen(d)"],
+    ]
 
 
 def test_no_fluent_is_tried_that_bears_on_no_goal() -> None:
@@ -178,4 +190,6 @@ def test_models_read_the_terms_of_one_name_and_leave_the_others_as_texts() -> No
 @pytest.mark.slow
 def test_the_rim_that_the_lid_of_the_freezer_fits_is_found_among_hundreds_of_facts() -> None:
     poorer = dict(without_one_fact(load_problem("themse/two")))["fits(lid,rim)."]
-    assert [str(each) for each in explain_infeasibility(poorer).changes] == ["add static fits(lid, rim)"]
+    assert [str(each) for each in explain_infeasibility(poorer).changes] == [
+        "add static fits(lid, rim)"
+    ]

@@ -1,4 +1,6 @@
-"""A part of the goals is planned with the events that the other chains ask for: only what is out of reach with them is named."""
+"""A part of the goals is planned with the events that the other chains ask for: only what is
+out of reach with them is named.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -77,7 +79,9 @@ def test_a_fluent_stage_of_another_chain_keeps_nothing_back(cell: Write) -> None
     assert found.goals == ("cold (workflow a)",)
 
 
-def test_an_allowed_chain_is_in_no_goal_and_its_events_are_accepted_by_the_checker(cell: Write) -> None:
+def test_an_allowed_chain_is_in_no_goal_and_its_events_are_accepted_by_the_checker(
+    cell: Write,
+) -> None:
     problem = cell("goals: ['closed(one)']\nworkflow: [{stages: 'filled(one), filled(two)'}]\n")
     goal = str(next(iter(goal_parts(problem.goal))))
     part = with_goals_only(
@@ -87,7 +91,8 @@ def test_an_allowed_chain_is_in_no_goal_and_its_events_are_accepted_by_the_check
     assert isinstance(outcome, Found)
     assert [str(step.operator) for step in outcome.plan.steps] == ["fill(one)", "close(one)"]
     assert isinstance(
-        checked_plan.plan_problem(with_goals_only(problem, [GoalOrStage(chain="1", stages=2)])), Found
+        checked_plan.plan_problem(with_goals_only(problem, [GoalOrStage(chain="1", stages=2)])),
+        Found,
     )
 
 
@@ -95,5 +100,6 @@ def test_an_allowed_chain_keeps_its_order(cell: Write) -> None:
     problem = cell("goals: ['closed(two)']\nworkflow: [{stages: 'shaken(one), filled(two)'}]\n")
     goal = next(iter(goal_parts(problem.goal)))
     assert isinstance(
-        checked_plan.plan_problem(with_goals_only(problem, [GoalOrStage(goal, text=str(goal))])), Infeasible
+        checked_plan.plan_problem(with_goals_only(problem, [GoalOrStage(goal, text=str(goal))])),
+        Infeasible,
     )

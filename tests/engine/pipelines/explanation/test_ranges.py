@@ -68,7 +68,9 @@ def test_as_much_as_a_quantity_can_be_has_a_plan(tmp_path: Path) -> None:
 def test_a_goal_outside_of_the_range_is_told(tmp_path: Path, goal: str) -> None:
     problem = problem_of(tmp_path, 1)
     found = explain_infeasibility(with_goals(problem.domain, goal, problem), LITTLE)
-    assert [each.endswith("cannot be: level is within 0..200") for each in found.exclusions] == [True]
+    assert [each.endswith("cannot be: level is within 0..200") for each in found.exclusions] == [
+        True
+    ]
 
 
 @given(st.sampled_from(COMPARISON_SIGNS), st.integers(-4, 4), st.integers(0, 5))
@@ -76,4 +78,6 @@ def test_a_relation_is_ruled_out_just_when_no_number_of_the_range_has_it(
     relation: str, low: int, more: int
 ) -> None:
     values = range(low, low + more + 1)
-    assert never_holds(relation, low, low + more) == (not any(map(COMPARED_WITH_ZERO[relation], values)))
+    assert never_holds(relation, low, low + more) == (
+        not any(map(COMPARED_WITH_ZERO[relation], values))
+    )

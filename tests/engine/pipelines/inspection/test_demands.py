@@ -1,4 +1,6 @@
-"""Windows, durations and precedence of measurements: from facts and from options, against plain reading."""
+"""Windows, durations and precedence of measurements: from facts and from options, against plain
+reading.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,10 +8,20 @@ from pathlib import Path
 import pytest
 
 from cellwright.engine.authoring import domain_check
-from cellwright.engine.model.tour_problem import Tour, TourProblem, slack_of, times_of, tour_violations
+from cellwright.engine.model.tour_problem import (
+    Tour,
+    TourProblem,
+    slack_of,
+    times_of,
+    tour_violations,
+)
 from cellwright.engine.pipelines.inspection.measurement_points import with_places
 from cellwright.engine.pipelines.inspection.tool_tours import partition_by_tool, tour_problem
-from cellwright.engine.pipelines.inspection.tour_demands import TourDemands, of_options, require_known_visits
+from cellwright.engine.pipelines.inspection.tour_demands import (
+    TourDemands,
+    of_options,
+    require_known_visits,
+)
 from cellwright.engine.stages.sequencing import sequence_tour
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load
@@ -23,7 +35,10 @@ statics:
   - needs(m1, thickness), needs(m2, thickness), needs(m3, thickness), needs(m4, thickness)
   - position(m1, 0, 0, 0), position(m2, 100000, 0, 0), position(m3, 200000, 0, 0), position(m4, 300000, 0, 0)
 """
-END = "initial:\n  - at(t3_746, approach_point(rack(us_probe)))\ngoals:\n  - measured(_, _, meas(m1))\n"
+END = (
+    "initial:\n  - at(t3_746, approach_point(rack(us_probe)))\ngoals:\n  - measured(_, _, "
+    "meas(m1))\n"
+)
 
 
 def problem_with(folder: Path, facts: str) -> Problem:
@@ -51,7 +66,9 @@ def test_precedence_of_facts_is_kept_and_costs_stay_lengths(tmp_path: Path) -> N
 
 
 def test_windows_and_durations_make_costs_times(tmp_path: Path) -> None:
-    tours = tours_of(problem_with(tmp_path, "window(m4, 0, 1), window(m1, 500, 600), lasts(m4, 20)"))
+    tours = tours_of(
+        problem_with(tmp_path, "window(m4, 0, 1), window(m1, 500, 600), lasts(m4, 20)")
+    )
     order = names(tours, sequence_tour(tours))
     assert (order[0], order[-1], tours.unit) == ("m4", "m1", "s")
     assert times_of(tours, tuple(int(name[1]) - 1 for name in order))[-1][1] == 500
@@ -72,7 +89,9 @@ def test_options_speak_louder_than_facts_and_facts_stay_beside_them(tmp_path: Pa
     }
 
 
-@pytest.mark.parametrize("option", ["m3", "m3=", "m3=..", "=1..2", "m3=4..2", "m3=a..b", "m3=-1..2"])
+@pytest.mark.parametrize(
+    "option", ["m3", "m3=", "m3=..", "=1..2", "m3=4..2", "m3=a..b", "m3=-1..2"]
+)
 def test_windows_that_cannot_be_read_are_refused(option: str) -> None:
     with pytest.raises(InvalidInput, match="K406"):
         of_options([option], [], [])
@@ -110,12 +129,18 @@ def test_windows_need_a_declared_travel(tmp_path: Path) -> None:
 
 
 def test_slack_is_what_the_later_windows_leave(tmp_path: Path) -> None:
-    tours = tours_of(problem_with(tmp_path, "window(m2, 0, 50), window(m3, 100, 130), lasts(m1, 7)"))
+    tours = tours_of(
+        problem_with(tmp_path, "window(m2, 0, 50), window(m3, 100, 130), lasts(m1, 7)")
+    )
     order = (0, 1, 2, 3)
     begins = [begin for _, begin in times_of(tours, order)]
     for place, slack in enumerate(slack_of(tours, order)[:3]):
-        late = replace(tours.visits[order[place]], window=(begins[place] + slack, begins[place] + slack))
-        shifted = [late if each == order[place] else visit for each, visit in enumerate(tours.visits)]
+        late = replace(
+            tours.visits[order[place]], window=(begins[place] + slack, begins[place] + slack)
+        )
+        shifted = [
+            late if each == order[place] else visit for each, visit in enumerate(tours.visits)
+        ]
         assert tour_violations(replace(tours, visits=tuple(shifted)), order) == []
         later = replace(late, window=(begins[place] + slack + 1, begins[place] + slack + 1))
         shifted[order[place]] = later

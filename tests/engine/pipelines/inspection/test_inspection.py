@@ -47,7 +47,9 @@ def imported(table: Path) -> Path:
     return file
 
 
-def test_rules_say_which_tool_measures_what_and_why_the_rest_cannot_be_measured(table: Path) -> None:
+def test_rules_say_which_tool_measures_what_and_why_the_rest_cannot_be_measured(
+    table: Path,
+) -> None:
     _, parts, _ = import_file(table, "bulkhead")
     assert dict(parts.groups) == {"slra": ("a", "b"), "us_probe": ("c", "g")}
     assert dict(parts.impossible) == {
@@ -118,15 +120,27 @@ def test_a_domain_that_chooses_no_tools_is_refused(table: Path) -> None:
     assert run("import", "qif", str(table), "--domain", "themse")[0] == 2
 
 
-def test_measurements_are_added_changed_and_removed_and_the_rest_of_the_file_stays(table: Path) -> None:
+def test_measurements_are_added_changed_and_removed_and_the_rest_of_the_file_stays(
+    table: Path,
+) -> None:
     file = imported(table)
     before = file.read_text()
     file.write_text(before.replace("statics:\n", "statics:  # kept\n  # kept, too\n"))
-    assert run("measurement", "add", str(file), "h", "--at", "60", "0", "0", "--tolerance", "0.2")[0] == 0
-    groups = json.loads(run("measurement", "list", str(file), "--format", "json")[1])["data"]["groups"]
+    assert (
+        run("measurement", "add", str(file), "h", "--at", "60", "0", "0", "--tolerance", "0.2")[0]
+        == 0
+    )
+    groups = json.loads(run("measurement", "list", str(file), "--format", "json")[1])["data"][
+        "groups"
+    ]
     assert groups["slra"] == ["a", "b", "h"]
-    assert run("measurement", "edit", str(file), "h", "--at", "60", "0", "0", "--kind", "thickness")[0] == 0
-    groups = json.loads(run("measurement", "list", str(file), "--format", "json")[1])["data"]["groups"]
+    assert (
+        run("measurement", "edit", str(file), "h", "--at", "60", "0", "0", "--kind", "thickness")[0]
+        == 0
+    )
+    groups = json.loads(run("measurement", "list", str(file), "--format", "json")[1])["data"][
+        "groups"
+    ]
     assert groups["us_probe"] == ["c", "g", "h"]
     assert run("measurement", "remove", str(file), "h")[0] == 0
     assert file.read_text().replace("  # kept\n", "\n").replace("  # kept, too\n", "") == before
@@ -150,7 +164,10 @@ def test_measurements_whose_places_a_cell_describes_are_toured_by_the_time_of_th
     assert code == 0
     assert answer["partition"]["impossible"] == {}
     tours = {each["tool"]: each for each in answer["tours"]}
-    assert {tool: len(each["visits"]) for tool, each in tours.items()} == {"slra": 4, "us_probe": 10}
+    assert {tool: len(each["visits"]) for tool, each in tours.items()} == {
+        "slra": 4,
+        "us_probe": 10,
+    }
     for each in tours.values():
         ring = [*each["configurations"], each["configurations"][0]]
         moves = (max(abs(a - b) for a, b in zip(*pair, strict=True)) for pair in pairwise(ring))

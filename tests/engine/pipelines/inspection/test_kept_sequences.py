@@ -110,7 +110,9 @@ def test_done_visits_stay_done_and_the_rest_is_a_permutation_of_what_remains(
             for name in names
         }
         remaining = {
-            each for each in possible if each[0] not in made.bad and each[0] not in names_of(made.done)
+            each
+            for each in possible
+            if each[0] not in made.bad and each[0] not in names_of(made.done)
         }
         assert len(made.rest) == len(remaining)
         assert {(each.name, each.tool) for each in made.rest} == remaining
@@ -121,7 +123,13 @@ def test_done_visits_stay_done_and_the_rest_is_a_permutation_of_what_remains(
 
 def _accounts_for_every_visit(old: SequencePlan, found: KeptSequenceProgress) -> None:
     finished = set(names_of(found.plan.done)) - set(names_of(old.done))
-    groups = [found.kept, found.reordered, found.moved, found.dropped, finished & set(names_of(old.rest))]
+    groups = [
+        found.kept,
+        found.reordered,
+        found.moved,
+        found.dropped,
+        finished & set(names_of(old.rest)),
+    ]
     assert sorted(name for each in groups for name in each) == sorted(names_of(old.rest))
     staying = [name for name in names_of(found.plan.rest) if name in found.kept]
     assert staying == [name for name in names_of(old.rest) if name in found.kept]
@@ -147,9 +155,13 @@ def test_a_visit_done_stays_outdated_though_its_tool_is_lost(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("tool", ["us_probe", "slra"])
 @pytest.mark.parametrize("done", [0, 1, 5])
-def test_losing_a_tool_moves_or_drops_exactly_its_visits(spare: Problem, tool: str, done: int) -> None:
+def test_losing_a_tool_moves_or_drops_exactly_its_visits(
+    spare: Problem, tool: str, done: int
+) -> None:
     plan = carry_on_sequence(new(spare), spare, limits=QUICK).plan
-    plan = carry_on_sequence(plan, spare, SequenceNews(done=tuple(names_of(plan.rest[:done]))), QUICK).plan
+    plan = carry_on_sequence(
+        plan, spare, SequenceNews(done=tuple(names_of(plan.rest[:done]))), QUICK
+    ).plan
     found = carry_on_sequence(plan, spare, SequenceNews(lost=(tool,)), QUICK)
     assert {*found.moved, *found.dropped} == {each.name for each in plan.rest if each.tool == tool}
     assert found.plan.done == plan.done
@@ -163,7 +175,9 @@ def test_losing_a_tool_moves_or_drops_exactly_its_visits(spare: Problem, tool: s
 def test_what_is_done_before_its_tool_is_lost_counts_as_done(plate: Problem) -> None:
     plan = carry_on_sequence(new(plate), plate, limits=QUICK).plan
     first = plan.rest[0]
-    found = carry_on_sequence(plan, plate, SequenceNews(done=(first.name,), lost=(first.tool,)), QUICK)
+    found = carry_on_sequence(
+        plan, plate, SequenceNews(done=(first.name,), lost=(first.tool,)), QUICK
+    )
     assert found.plan.done == (first,)
     assert first.name not in found.dropped
 
@@ -204,7 +218,10 @@ def test_points_added_removed_and_placed_elsewhere_are_noticed(tmp_path: Path) -
     carry_on(store, read(written(tmp_path, NAMES[:9])), SequenceNews(done=(was,)), QUICK)
     left = [name for name in NAMES[:11] if name != gone]
     found = carry_on(store, read(written(tmp_path, left)), limits=QUICK)
-    assert (set(found.added), dict(found.dropped)) == ({"p9", "p10"}, {gone: "no longer in the problem"})
+    assert (set(found.added), dict(found.dropped)) == (
+        {"p9", "p10"},
+        {gone: "no longer in the problem"},
+    )
     shifted = carry_on(store, read(written(tmp_path, left, shift=2.0)), limits=QUICK)
     assert (shifted.way, shifted.outdated) == ("resequenced", (was,))
     assert shifted.plan.rest[0].position != found.plan.rest[0].position
@@ -257,7 +274,9 @@ def test_two_processes_at_once_lose_no_visit(tmp_path: Path) -> None:
         ]
     )
     shares = (NAMES[:6], NAMES[6:12])
-    workers = [context.Process(target=_work_off, args=(store, str(file), share)) for share in shares]
+    workers = [
+        context.Process(target=_work_off, args=(store, str(file), share)) for share in shares
+    ]
     for each in workers:
         each.start()
     for each in workers:
@@ -270,7 +289,9 @@ def test_two_processes_at_once_lose_no_visit(tmp_path: Path) -> None:
 
 def run(*arguments: str) -> tuple[int, dict[str, object], str]:
     result = CliRunner().invoke(app, ["sequence", *arguments])
-    data = json.loads(result.stdout)["data"] if "json" in arguments and result.exit_code == 0 else {}
+    data = (
+        json.loads(result.stdout)["data"] if "json" in arguments and result.exit_code == 0 else {}
+    )
     return result.exit_code, data, result.stdout
 
 
@@ -278,7 +299,9 @@ def test_visits_are_asked_for_one_by_one_until_none_is_left(tmp_path: Path) -> N
     file, store = str(written(tmp_path, NAMES[:4])), str(tmp_path / "s.db")
     _, whole, _ = run(file, "--store", store, "--format", "json")
     seen = []
-    while (answer := run(file, "--store", store, "--next", "--format", "json")[1])["next"] is not None:
+    while (answer := run(file, "--store", store, "--next", "--format", "json")[1])[
+        "next"
+    ] is not None:
         seen.append(answer["next"]["visit"])  # type: ignore[index]
         assert run(file, "--store", store, "--done", str(seen[-1]))[0] == 0
     assert seen == whole["visits"]
@@ -304,7 +327,9 @@ WINDOWS = "window(p2, 0, 30)\n  - window(p5, 400, 900)\n  - before(p9, p1)\n  - 
 def test_a_kept_sequence_keeps_windows_and_precedence_to_its_end(tmp_path: Path) -> None:
     store, problem = str(tmp_path / "cell.db"), read(written(tmp_path, NAMES, statics=WINDOWS))
     made = carry_on(store, problem, limits=QUICK)
-    begins = dict(zip(names_of(made.plan.rest), times_of(made.problem, made.tour.order), strict=True))
+    begins = dict(
+        zip(names_of(made.plan.rest), times_of(made.problem, made.tour.order), strict=True)
+    )
     order = names_of(made.plan.rest)
     assert order.index("p9") < order.index("p1")
     assert begins["p2"][1] <= 30

@@ -1,4 +1,6 @@
-"""Motions in the bundled cells: straight lines, touches, upright paths, zones, and why a line breaks."""
+"""Motions in the bundled cells: straight lines, touches, upright paths, zones, and why a line
+breaks.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -29,7 +31,12 @@ from cellwright.engine.pipelines.motion.motion_legs import (
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
 from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
-from cellwright.engine.stages.geometry.reach.arm_hand import STRAY_M, ArmHand, BrokenLine, straight_line
+from cellwright.engine.stages.geometry.reach.arm_hand import (
+    STRAY_M,
+    ArmHand,
+    BrokenLine,
+    straight_line,
+)
 from cellwright.engine.stages.geometry.reach.place_reachability import ReachedPlace
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.body_shapes import Box, Pose
@@ -101,7 +108,9 @@ def pressing(site: MotionSite, depth_m: float) -> MotionLeg:
         hand, q, hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -place.approach_m)
     )
     assert not isinstance(line, BrokenLine)
-    assert isinstance(site.reach.at(replace(place, depth_m=depth_m)), ReachedPlace) == (depth_m > 0.004)
+    assert isinstance(site.reach.at(replace(place, depth_m=depth_m)), ReachedPlace) == (
+        depth_m > 0.004
+    )
     return leg_of(APPROACH, line, replace(place, depth_m=depth_m), site.reach)
 
 
@@ -204,7 +213,9 @@ def test_an_upright_vessel_tilts_no_more_than_it_may(themse: MotionSite) -> None
 
 
 def test_in_a_zone_no_point_of_the_arm_is_faster_than_it_may_be(themse: MotionSite) -> None:
-    zone = Zone("people", Box((0.7, 0.5, 0.6)), Placement("world", Pose((0.6, -0.4, 1.2), (0, 0, 0))), 0.2)
+    zone = Zone(
+        "people", Box((0.7, 0.5, 0.6)), Placement("world", Pose((0.6, -0.4, 1.2), (0, 0, 0))), 0.2
+    )
     world = replace(themse.world, cell=replace(themse.world.cell, zones={"people": zone}))
     free = plan_named_motion(themse, "slot(drawer, 1)", ["slot(freezer, 1)"])
     slow = plan_named_motion(replace(themse, world=world), "slot(drawer, 1)", ["slot(freezer, 1)"])
@@ -226,8 +237,12 @@ def test_in_a_zone_no_point_of_the_arm_is_faster_than_it_may_be(themse: MotionSi
 
 
 def test_a_point_may_leave_the_turn_about_its_axis_open(bulkhead: MotionSite) -> None:
-    fixed = plan_named_motion(bulkhead, "home", ["point 1.2, 0.3, 1.5"], MotionWish(tool="us_probe"))
-    open_ = plan_named_motion(bulkhead, "home", ["point 1.2, 0.3, 1.5 turns"], MotionWish(tool="us_probe"))
+    fixed = plan_named_motion(
+        bulkhead, "home", ["point 1.2, 0.3, 1.5"], MotionWish(tool="us_probe")
+    )
+    open_ = plan_named_motion(
+        bulkhead, "home", ["point 1.2, 0.3, 1.5 turns"], MotionWish(tool="us_probe")
+    )
     assert isinstance(fixed.answer, Moved)
     assert isinstance(open_.answer, Moved)
     assert np.allclose(open_.hand.poses(open_.whole()[-1:])[0, :3, 3], [1.2, 0.3, 1.5], atol=1e-6)

@@ -1,4 +1,6 @@
-"""Measurements that no arm can take are told before anything moves, each with its reason; everything else is planned."""
+"""Measurements that no arm can take are told before anything moves, each with its reason;
+everything else is planned.
+"""
 
 import io
 from dataclasses import replace
@@ -61,7 +63,10 @@ def few(folder: Path, **elsewhere: tuple[float, float, int]) -> str:
     """A problem file with three points, some of them elsewhere."""
     lines = []
     for name, (x, y, z) in (POINTS | elsewhere).items():
-        lines += [f"needs({name}, thickness)", f"position({name}, {round(x * 1e6)}, {round(y * 1e6)}, 0)"]
+        lines += [
+            f"needs({name}, thickness)",
+            f"position({name}, {round(x * 1e6)}, {round(y * 1e6)}, 0)",
+        ]
         lines += [f"normal({name}, 0, 0, {z * 1000})"]
     goals = "goals:\n" + "".join(f"  - measured(_, _, meas({name}))\n" for name in POINTS)
     path = folder / "few.yaml"
@@ -70,7 +75,9 @@ def few(folder: Path, **elsewhere: tuple[float, float, int]) -> str:
 
 
 def moving(problem: Problem, cell: Cell) -> tuple[set[str], dict[str, str], bool]:
-    """The points that are measured, those that are given up with the reasons, and whether all paths are proved."""
+    """The points that are measured, those that are given up with the reasons, and whether all
+    paths are proved.
+    """
     made = plan_with_poses(
         problem,
         cell,
@@ -86,7 +93,9 @@ def moving(problem: Problem, cell: Cell) -> tuple[set[str], dict[str, str], bool
 
 @pytest.mark.slow
 @pytest.mark.parametrize("way", UNREACHED)
-def test_each_point_out_of_reach_is_told_and_the_others_are_measured(way: str, tmp_path: Path) -> None:
+def test_each_point_out_of_reach_is_told_and_the_others_are_measured(
+    way: str, tmp_path: Path
+) -> None:
     target = few(tmp_path, **UNREACHED[way])
     done, lost, proved = moving(problem_of(target), cell_of(target))
     assert set(lost) == set(UNREACHED[way])
@@ -102,7 +111,9 @@ def test_a_point_behind_an_obstacle_is_told_with_the_obstacle(tmp_path: Path) ->
     x, y, _ = POINTS["a1"]
     placement = Placement("bulkhead", Pose((x, y, -0.1), (0.0, 0.0, 0.0)))
     block = Body("block", BodyKind.FIXTURE, placement, (PlacedShape(Box((0.1, 0.1, 0.1))),))
-    done, lost, _ = moving(problem_of(target), replace(cell, bodies={**cell.bodies, "block": block}))
+    done, lost, _ = moving(
+        problem_of(target), replace(cell, bodies={**cell.bodies, "block": block})
+    )
     assert set(lost) == {"a1"}
     assert "block" in lost["a1"]
     assert done == {"a2", "a3"}
@@ -168,10 +179,14 @@ def test_where_nothing_can_be_taken_the_answer_says_so_and_sends_nobody_to_expla
     problem = load_problem("bulkhead/one_point")
     lost = {f"m{n}": "it is too far" for n in range(1, 13)}
     made = plan_moving(problem, cell_of("bulkhead"), geometry_backend(), no_plan, lost=lost)
-    assert made.run.outcome == Infeasible("no arm can take any of the measurements that are asked for")
+    assert made.run.outcome == Infeasible(
+        "no arm can take any of the measurements that are asked for"
+    )
     console = Console(file=io.StringIO(), width=200)
     console.print(
-        plan_answer.plan_answer_text(plan_answer.PlanAnswer(made.run, problem, {}, made), False, False)
+        plan_answer.plan_answer_text(
+            plan_answer.PlanAnswer(made.run, problem, {}, made), False, False
+        )
     )
     said = console.file.getvalue()
     assert "it is too far" in said
@@ -193,9 +208,14 @@ def test_what_waits_for_a_lost_measurement_no_longer_waits() -> None:
 def test_a_chain_ends_before_its_first_stage_that_is_lost() -> None:
     problem = problem_of("bulkhead/twelve_points", "", "measure m1, then m2, then m3")
     whole = Chain("all", tuple(stage for chain in problem.chains for stage in chain.stages))
-    left, given_up = drop_unreachable_goals(replace(problem, chains=(whole,)), {"m2": "it is too far"})
+    left, given_up = drop_unreachable_goals(
+        replace(problem, chains=(whole,)), {"m2": "it is too far"}
+    )
     assert [chain.stages for chain in left.chains] == [whole.stages[:1]]
-    assert [each.why for each in given_up][-2:] == ["it is too far", f"it comes after {whole.stages[1]}"]
+    assert [each.why for each in given_up][-2:] == [
+        "it is too far",
+        f"it comes after {whole.stages[1]}",
+    ]
 
 
 def test_what_was_found_out_survives_the_journal() -> None:
@@ -207,7 +227,9 @@ def test_what_was_found_out_survives_the_journal() -> None:
     assert added_knowledge(told, told) == {}
 
 
-def taken(walk: PlanWalk, text: str, before: frozenset[Function], after: frozenset[Function]) -> object:
+def taken(
+    walk: PlanWalk, text: str, before: frozenset[Function], after: frozenset[Function]
+) -> object:
     """What comes of one step of the arm."""
     operation = operation_of(walk.cell, term(text))
     assert operation is not None
@@ -219,7 +241,9 @@ def test_a_step_to_where_a_scanner_sees_nothing_is_refused_with_what_hides_the_p
     before = frozenset({term("location(slra, t3_746, in_rack)"), term("stands(t3_746, middle)")})
     holding = frozenset({term("holding(t3_746, slra)"), term("stands(t3_746, middle)")})
     plate = PlacedShape(Box((0.3, 0.3, 0.01)))
-    screen = Body("screen", BodyKind.FIXTURE, Placement("bulkhead", Pose((0.0, -0.5, -0.04))), (plate,))
+    screen = Body(
+        "screen", BodyKind.FIXTURE, Placement("bulkhead", Pose((0.0, -0.5, -0.04))), (plate,)
+    )
     answers = []
     for each in (cell, replace(cell, bodies={**cell.bodies, "screen": screen})):
         walk = PlanWalk(PlanGate().semantics(problem), each, geometry_backend())

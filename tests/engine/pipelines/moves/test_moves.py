@@ -1,4 +1,6 @@
-"""Plans that move: motions fit together, take the time that the plan says, and what is in the way is moved or told."""
+"""Plans that move: motions fit together, take the time that the plan says, and what is in the
+way is moved or told.
+"""
 
 import json
 from dataclasses import replace
@@ -19,7 +21,10 @@ from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.planning.restrictions import forbid_unreachable_steps
 from cellwright.engine.pipelines.recovery.world_model import Dynamics, WorldState
 from cellwright.engine.plugins import geometry_backend
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load_problem
@@ -92,14 +97,20 @@ def atom(text: str) -> Function:
     return found
 
 
-def kiln_room(folder: Path, lintel_m: float = 1.5, suits: tuple[str, ...] = SUITS) -> tuple[Problem, Path]:
-    """A bolt is to go into a kiln that a brick covers; a lintel hangs above the kiln at a height."""
+def kiln_room(
+    folder: Path, lintel_m: float = 1.5, suits: tuple[str, ...] = SUITS
+) -> tuple[Problem, Path]:
+    """A bolt is to go into a kiln that a brick covers; a lintel hangs above the kiln at a
+    height.
+    """
     (folder / "problems").mkdir()
     (folder / "domain.yaml").write_text(
         DOMAIN.replace("fits(item, place): {facts: []}", '"suits(item, place)": {}')
     )
     (folder / "cell.yaml").write_text(CELL % lintel_m)
-    (folder / "problems" / "fire.yaml").write_text(PROBLEM % ", ".join(f'"{each}"' for each in suits))
+    (folder / "problems" / "fire.yaml").write_text(
+        PROBLEM % ", ".join(f'"{each}"' for each in suits)
+    )
     return load_problem(str(folder / "problems" / "fire.yaml")), folder / "cell.yaml"
 
 
@@ -120,7 +131,9 @@ def fired(tmp_path_factory: pytest.TempPathFactory) -> MovingRun:
 
 @pytest.mark.slow
 def test_what_stands_in_the_way_is_moved_first(fired: MovingRun) -> None:
-    """The symbols know nothing of the brick on the kiln: it is found when the arm cannot put the bolt there."""
+    """The symbols know nothing of the brick on the kiln: it is found when the arm cannot put
+    the bolt there.
+    """
     found = fired
     assert isinstance(found.run.outcome, Found)
     said = [str(step.operator) for step in found.run.outcome.plan.steps]
@@ -133,7 +146,9 @@ def test_what_stands_in_the_way_is_moved_first(fired: MovingRun) -> None:
     assert "at(brick, top)" in map(str, refused.while_true)
 
 
-def test_where_the_obstacle_cannot_be_put_anywhere_it_is_proved_that_there_is_no_plan(tmp_path: Path) -> None:
+def test_where_the_obstacle_cannot_be_put_anywhere_it_is_proved_that_there_is_no_plan(
+    tmp_path: Path,
+) -> None:
     problem, cell = kiln_room(tmp_path, suits=SUITS[:2])
     found = moving(problem, cell)
     assert isinstance(found.run.outcome, Infeasible)
@@ -167,7 +182,10 @@ def test_motions_fit_together_and_take_the_time_that_the_plan_says(fired: Moving
 
 def test_what_is_gripped_rides_with_the_arm_until_it_is_left(fired: MovingRun) -> None:
     steps = fired.steps
-    held = [[leg.holding for leg in step.legs if leg.kind in (LegKind.WAY, LegKind.OUT)] for step in steps]
+    held = [
+        [leg.holding for leg in step.legs if leg.kind in (LegKind.WAY, LegKind.OUT)]
+        for step in steps
+    ]
     assert held == [[(), ("brick",)], [("brick",), ()], [(), ("bolt",)], [("bolt",), ()]]
 
 
@@ -228,7 +246,9 @@ def _refuses(problem: Problem, start: str, station: str = "left") -> bool:
         atom(f"stands(t3_746, {station})"),
         atom("holding(t3_746, us_probe)"),
     }
-    there = {each for each in state if each.name != "at"} | {atom(f"at(t3_746, approach_point({start}))")}
+    there = {each for each in state if each.name != "at"} | {
+        atom(f"at(t3_746, approach_point({start}))")
+    }
     said = dynamics.refusal(
         atom(f"move_at(t3_746, {station}, {start}, meas(c2))"), WorldState(frozenset(there), {})
     )
@@ -240,7 +260,9 @@ def test_a_film_shows_every_body_where_the_plan_puts_it(fired: MovingRun) -> Non
     assert isinstance(found.run.outcome, Found)
     cell = load_cell(Path(str(found.problem.domain.path)).with_name("cell.yaml"))
     semantics = PlanGate().semantics(found.problem)
-    shots = list(shots_of_film(takes_of_plan(semantics, cell, found.run.outcome.plan, found.steps), 0.2))
+    shots = list(
+        shots_of_film(takes_of_plan(semantics, cell, found.run.outcome.plan, found.steps), 0.2)
+    )
     times = [each.at_s for each in shots]
     assert times == sorted(times)
     assert times[-1] == pytest.approx(sum(each.seconds for each in found.steps))
@@ -250,7 +272,8 @@ def test_a_film_shows_every_body_where_the_plan_puts_it(fired: MovingRun) -> Non
         assert np.allclose(shots[-1].world.pose("world", name), there)
     scene = json.loads(motion_pictures.film_gltf(shots))
     moving_nodes = {
-        scene["nodes"][each["target"]["node"]]["name"] for each in scene["animations"][0]["channels"]
+        scene["nodes"][each["target"]["node"]]["name"]
+        for each in scene["animations"][0]["channels"]
     }
     assert {"bolt", "brick", "carrier 1"} <= moving_nodes
     assert "oven" not in moving_nodes

@@ -1,4 +1,6 @@
-"""Random rooms with obstacles that can be moved: a plan that moves is found exactly where trying everything finds one."""
+"""Random rooms with obstacles that can be moved: a plan that moves is found exactly where
+trying everything finds one.
+"""
 
 import random
 from pathlib import Path
@@ -31,7 +33,9 @@ def steps() -> list[Function]:
 
 
 def moves_anyhow(problem: Problem, cell: Path) -> bool:
-    """Whether the goal is reached by trying every step that has a motion, in every state that is reached."""
+    """Whether the goal is reached by trying every step that has a motion, in every state that
+    is reached.
+    """
     dynamics, walk = (
         Dynamics(problem),
         PlanWalk(PlanGate().semantics(problem), load_cell(cell), geometry_backend()),
@@ -52,7 +56,9 @@ def moves_anyhow(problem: Problem, cell: Path) -> bool:
     return False
 
 
-def _moves(walk: PlanWalk, step: Function, before: frozenset[Function], after: frozenset[Function]) -> bool:
+def _moves(
+    walk: PlanWalk, step: Function, before: frozenset[Function], after: frozenset[Function]
+) -> bool:
     walk.hands.go_home()
     operation = operation_of(walk.cell, step)
     assert operation is not None

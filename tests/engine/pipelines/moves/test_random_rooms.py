@@ -1,9 +1,12 @@
-"""Ten random rooms with obstacles that can be moved, beside a search that shares nothing with the planner.
+"""Ten random rooms with obstacles that can be moved, beside a search that shares nothing with the
+planner.
 
-The arm has two links that turn in the plane and a spindle that goes up and down. So its inverse kinematics is a line of
-trigonometry, and every collision is a distance between a segment or a circle and a rectangle or a circle. The search goes
-through all placements of the things and all parts of the free space that the arm can be in, on a grid over the joints. It is
-made twice: all distances smaller by a clearance that covers the grid, and all larger by it. Only rooms on which both agree count.
+The arm has two links that turn in the plane and a spindle that goes up and down. So its inverse
+kinematics is a line of trigonometry, and every collision is a distance between a segment or a
+circle and a rectangle or a circle. The search goes through all placements of the things and all
+parts of the free space that the arm can be in, on a grid over the joints. It is made twice: all
+distances smaller by a clearance that covers the grid, and all larger by it. Only rooms on which
+both agree count.
 """
 
 import itertools
@@ -90,7 +93,9 @@ START: Placement = ("p0", "p1", "p2")
 
 @dataclass(frozen=True)
 class Plot:
-    """One random room: where the places are, how thick the things, what stands about, and what may be put where."""
+    """One random room: where the places are, how thick the things, what stands about, and what
+    may be put where.
+    """
 
     spots: tuple[tuple[float, float], ...]
     radii: tuple[float, float, float]
@@ -99,7 +104,9 @@ class Plot:
 
 
 def plot(seed: int) -> Plot:
-    """A random room. The goal is near another place, so that what stands there is often in the way."""
+    """A random room. The goal is near another place, so that what stands there is often in the
+    way.
+    """
     chance = random.Random(seed)
 
     def spot() -> tuple[float, float]:
@@ -127,7 +134,9 @@ def from_box(points: Floats, box: Box) -> Floats:
 
 
 def segment_from_box(start: Floats, end: Floats, box: Box) -> Floats:
-    """How far segments (..., 2) are from a rectangle: looked at every 2 cm, which the clearance covers."""
+    """How far segments (..., 2) are from a rectangle: looked at every 2 cm, which the clearance
+    covers.
+    """
     count = int(np.ceil(np.linalg.norm(end - start, axis=-1).max() / 0.02)) + 1
     found: Floats = np.min(
         [from_box(start + share * (end - start), box) for share in np.linspace(0, 1, count)], axis=0
@@ -137,7 +146,9 @@ def segment_from_box(start: Floats, end: Floats, box: Box) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Everything that can be done in a room, with all distances asked to be greater than `spare` (m, which may be below 0)."""
+    """Everything that can be done in a room, with all distances asked to be greater than
+    `spare` (m, which may be below 0).
+    """
 
     plot: Plot
     spare: float
@@ -161,7 +172,11 @@ class Search:
     def wrists(self) -> Floats:
         q1, q2 = np.meshgrid(TURNS1, TURNS2, indexing="ij")
         return np.stack(
-            [UPPER * np.cos(q1) + FORE * np.cos(q1 + q2), UPPER * np.sin(q1) + FORE * np.sin(q1 + q2)], -1
+            [
+                UPPER * np.cos(q1) + FORE * np.cos(q1 + q2),
+                UPPER * np.sin(q1) + FORE * np.sin(q1 + q2),
+            ],
+            -1,
         )
 
     def flat(self, radius: float) -> Truths:
@@ -172,9 +187,11 @@ class Search:
         return self._flat[radius]
 
     def parts_of_space(self, placed: Placement) -> Truths:
-        """The free space in a placement: each cell of the grid (q1, q2, height) has the number of its part, 0 if it is not free.
+        """The free space in a placement: each cell of the grid (q1, q2, height) has the number of
+        its part, 0 if it is not free.
 
-        Where distances are asked to be small, cells that share a corner are one part; where large, those that share a side.
+        Where distances are asked to be small, cells that share a corner are one part; where large,
+        those that share a side.
         """
         if placed not in self._parts:
             self._parts[placed] = self._found_parts(placed)
@@ -186,7 +203,10 @@ class Search:
         low = LOW + math.copysign(CLEARANCE_UP, self.spare) >= HEIGHTS - TALL
         for spot, thick in self.standing(placed):
             if radius:
-                near = np.linalg.norm(self.wrists - np.array(spot), axis=-1) <= radius + thick + self.spare
+                near = (
+                    np.linalg.norm(self.wrists - np.array(spot), axis=-1)
+                    <= radius + thick + self.spare
+                )
                 free &= ~(near[:, :, None] & low)
         structure = ndimage.generate_binary_structure(3, 3 if self.spare < 0 else 1)
         found: Truths = ndimage.label(free, structure)[0]
@@ -194,7 +214,9 @@ class Search:
 
     def radius(self, placed: Placement) -> float:
         """How thick the thing in the hand is; 0 if there is none."""
-        return next((r for r, at in zip(self.plot.radii, placed, strict=True) if at == "gripper"), 0.0)
+        return next(
+            (r for r, at in zip(self.plot.radii, placed, strict=True) if at == "gripper"), 0.0
+        )
 
     def standing(self, placed: Placement) -> Iterator[tuple[tuple[float, float], float]]:
         for radius, at in zip(self.plot.radii, placed, strict=True):
@@ -202,7 +224,9 @@ class Search:
                 yield self.plot.spots[PLACES.index(at)], radius
 
     def fronts(self, place: str) -> list[tuple[float, float]]:
-        """The turns of both joints with which the spindle is above a place: elbow on one side, and on the other."""
+        """The turns of both joints with which the spindle is above a place: elbow on one side,
+        and on the other.
+        """
         x, y = self.plot.spots[PLACES.index(place)]
         cosine = (x * x + y * y - UPPER**2 - FORE**2) / (2 * UPPER * FORE)
         if abs(cosine) > 1:
@@ -232,7 +256,9 @@ class Search:
         beside = all(far > radius + thick + self.spare for far, thick in apart) if radius else True
         return beside and bool(self.stands(np.array(q[0]), np.array(q[1]), radius))
 
-    def after(self, part: int, placed: Placement, thing: int, place: str) -> Iterator[tuple[int, Placement]]:
+    def after(
+        self, part: int, placed: Placement, thing: int, place: str
+    ) -> Iterator[tuple[int, Placement]]:
         """Where the arm may be after it has picked a thing at a place, or has put it there."""
         picks = placed[thing] == place
         there: Placement = tuple(  # type: ignore[assignment]
@@ -248,11 +274,15 @@ class Search:
                 yield self.part_at(there, q, LOW + FRONT), there
 
     def choices(self, placed: Placement) -> Iterator[tuple[int, str]]:
-        """The steps that the symbols allow: pick anything with an empty hand, put it where it suits and nothing is."""
+        """The steps that the symbols allow: pick anything with an empty hand, put it where it
+        suits and nothing is.
+        """
         for thing, at in enumerate(placed):
             if at == "gripper":
                 free = (each for each in PLACES if each not in placed)
-                yield from ((thing, each) for each in free if (THINGS[thing], each) in self.plot.suits)
+                yield from (
+                    (thing, each) for each in free if (THINGS[thing], each) in self.plot.suits
+                )
             elif "gripper" not in placed:
                 yield thing, at
 
@@ -260,7 +290,9 @@ class Search:
         return self.part_at(START, (0.0, 0.0), HIGH), START
 
     def solved(self, movable: Sequence[int] = (0, 1, 2)) -> bool:
-        """Whether the bolt gets to its goal if only some of the things may be moved: breadth first."""
+        """Whether the bolt gets to its goal if only some of the things may be moved: breadth
+        first.
+        """
         waiting, seen = [self.begins()], {self.begins()}
         for part, placed in waiting:
             if placed[0] == GOAL:
@@ -287,7 +319,9 @@ class Search:
 
 
 def agreed(drawn: Plot) -> tuple[bool, bool] | None:
-    """Whether there is a plan, and whether there is one in which only the bolt moves; None if that depends on the clearance."""
+    """Whether there is a plan, and whether there is one in which only the bolt moves; None if
+    that depends on the clearance.
+    """
     strict, lenient = Search(drawn, CLEARANCE), Search(drawn, -CLEARANCE)
     if not strict.begins()[0] or any(
         math.dist(drawn.spots[a], drawn.spots[b]) < drawn.radii[a] + drawn.radii[b] + CLEARANCE
@@ -309,7 +343,8 @@ def written(drawn: Plot, folder: Path) -> Path:
     )
     (folder / "scara.urdf").write_text(URDF)
     fixtures = [
-        f"  box_{n}: {{at: [{x}, {y}, {0.5 if tall else 0.35}], shapes: [{{box: [{2 * w}, {2 * d}, {1.0 if tall else 0.02}]}}]}}"
+        f"  box_{n}: {{at: [{x}, {y}, {0.5 if tall else 0.35}], shapes: [{{box: [{2 * w}, "
+        f"{2 * d}, {1.0 if tall else 0.02}]}}]}}"
         for n, (x, y, w, d, tall) in enumerate(drawn.boxes)
     ]
     parts = [
@@ -321,7 +356,9 @@ def written(drawn: Plot, folder: Path) -> Path:
         f"  {name}: {{at: [{x}, {y}, {LOW}], rpy: [180, 0, 0], approach: {FRONT}}}"
         for name, (x, y) in zip(PLACES, drawn.spots, strict=True)
     ]
-    text = CELL.format(fixtures="\n".join(fixtures), parts="\n".join(parts), places="\n".join(places))
+    text = CELL.format(
+        fixtures="\n".join(fixtures), parts="\n".join(parts), places="\n".join(places)
+    )
     (folder / "cell.yaml").write_text(text)
     suits = ", ".join(f'"suits({item}, {place})"' for item, place in sorted(drawn.suits))
     (folder / "problems" / "fire.yaml").write_text(PROBLEM.format(suits=suits))

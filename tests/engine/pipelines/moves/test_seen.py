@@ -1,4 +1,6 @@
-"""Bodies that are seen while a run goes on: the box around one holds all of it, and what cannot be read changes nothing."""
+"""Bodies that are seen while a run goes on: the box around one holds all of it, and what cannot
+be read changes nothing.
+"""
 
 import json
 from math import pi
@@ -88,11 +90,14 @@ def test_what_cannot_be_read_is_named_and_left_out(entry: object) -> None:
 def test_a_known_body_gives_the_fact_of_the_place_where_it_was_seen() -> None:
     cell = cell_of("themse")
     where = {
-        place: cell.places[place] for place in ("slot(drawer, 3)", "slot(freezer, 1)", "slot(furnace, 2)")
+        place: cell.places[place]
+        for place in ("slot(drawer, 3)", "slot(freezer, 1)", "slot(furnace, 2)")
     }
     world = GeometricWorld.of(cell)
     for name, place in where.items():
-        T = matmul(world.pose("world", place.placement.parent), transforms.of_pose(place.placement.pose))
+        T = matmul(
+            world.pose("world", place.placement.parent), transforms.of_pose(place.placement.pose)
+        )
         there = matmul(T, transforms.inverse(world.grip("probe_1")))
         (nearest, *_) = at_places(cell, SeenBody("probe_1", transforms.to_pose(there)))
         assert str(nearest) == f"at(probe_1, {name})"

@@ -1,4 +1,6 @@
-"""Two arms at one bench: where they meet, who waits, what they do together, and that no delay lets them collide."""
+"""Two arms at one bench: where they meet, who waits, what they do together, and that no delay
+lets them collide.
+"""
 
 import random
 from collections.abc import Mapping
@@ -21,7 +23,10 @@ from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.planning.plan_objective import SequenceChoice, plan_for_objective
 from cellwright.engine.plugins import geometry_backend
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.loader.cell import cell_of
 from cellwright.kb.model.plan_model import Plan, StepId
@@ -163,7 +168,9 @@ def test_stretches_decided_by_one_look_say_what_a_look_at_each_moment_says() -> 
 def _looked_one_by_one(
     rehearsal: DelayRehearsal, starts: Mapping[StepId, float], until_s: float, step: float
 ) -> tuple[int, float]:
-    """How many moments there are, and how near the arms come, by a look at each; where an arm is, its legs say."""
+    """How many moments there are, and how near the arms come, by a look at each; where an arm
+    is, its legs say.
+    """
     left, right = (rehearsal.courses[arm].begun(starts, until_s) for arm in ("left", "right"))
     cuts = sorted({*left.begins_s.tolist(), *right.begins_s.tolist(), until_s})
     count, least = 0, 1.0
@@ -175,7 +182,8 @@ def _looked_one_by_one(
         times = np.linspace(begins, ends, int(np.ceil((ends - begins) * speed / step)) + 2)
         riders = left.riders[left.rider[a]], right.riders[right.rider[b]]
         mine, theirs = (
-            np.array([_configuration(rehearsal, arm, starts, t) for t in times]) for arm in ("left", "right")
+            np.array([_configuration(rehearsal, arm, starts, t) for t in times])
+            for arm in ("left", "right")
         )
         still = np.zeros_like(mine)
         clear, _ = rehearsal.encounters.apart((riders[0], mine, still), (riders[1], theirs, still))
@@ -183,7 +191,9 @@ def _looked_one_by_one(
     return count, least
 
 
-def _configuration(rehearsal: DelayRehearsal, arm: str, starts: Mapping[StepId, float], t: float) -> Floats:
+def _configuration(
+    rehearsal: DelayRehearsal, arm: str, starts: Mapping[StepId, float], t: float
+) -> Floats:
     """Where an arm is at a time, leg by leg."""
     q: Floats = rehearsal.moments[0].before.configurations[arm]
     for moment in sorted(rehearsal.moments, key=lambda each: starts[each.step]):

@@ -1,4 +1,6 @@
-"""The hand goes round what stands in its straight way, in the grasp plane; what is drawn and pushed may be stuck there."""
+"""The hand goes round what stands in its straight way, in the grasp plane; what is drawn and
+pushed may be stuck there.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -48,7 +50,9 @@ def plan() -> Placed:
 
 @pytest.fixture(scope="module")
 def barred(plan: Placed) -> Scene:
-    """The scene with a bar straight above one end of the cross-piece: the hand must go aside before it goes up."""
+    """The scene with a bar straight above one end of the cross-piece: the hand must go aside
+    before it goes up.
+    """
     carry = plan.carries[0]
     T = plan.T_world_part @ carry.T_part_hand @ translation(0.065, 0.0, -0.117)
     at = Placement("world", transforms.to_pose(T))
@@ -85,7 +89,9 @@ def test_a_bar_above_the_hand_stops_the_straight_way_and_not_the_one_in_the_plan
     assert found is not None
     assert not reach.checker.collides(found).any()
     assert np.abs(found[0] - q).max() < 1e-12
-    away = [hand.moved("arm", each).pose("world", "arm.tool")[:3, 3] for each in (found[0], found[-1])]
+    away = [
+        hand.moved("arm", each).pose("world", "arm.tool")[:3, 3] for each in (found[0], found[-1])
+    ]
     assert np.linalg.norm(away[1] - away[0]) > 0.1
 
 
@@ -120,7 +126,9 @@ def test_a_plan_shows_its_way_in_as_poses_in_the_plane_that_end_at_the_grasp(pla
 
 @pytest.mark.parametrize("strategy", [Strategy.REDUCED, Strategy.VISIBILITY])
 def test_gross_motions_may_be_those_of_the_seed(strategy: Strategy) -> None:
-    found, _ = place_part(SCENE, "angle", "base", manner=MotionManner(HandApproachKind.COMPLETE, strategy))
+    found, _ = place_part(
+        SCENE, "angle", "base", manner=MotionManner(HandApproachKind.COMPLETE, strategy)
+    )
     assert isinstance(found, Placed)
     assert all(leg.proved for leg in found.carries[0].legs)
 
@@ -131,11 +139,15 @@ def test_the_graph_of_placements_holds_what_the_plan_took(plan: Placed) -> None:
     assert shown.holds[START] == plan.holds[1]
     assert shown.holds[GOAL] == plan.holds[2]
     assert shown.ways[START, GOAL] > 0
-    assert all(0 < count <= min(shown.holds[a], shown.holds[b]) for (a, b), count in shown.ways.items())
+    assert all(
+        0 < count <= min(shown.holds[a], shown.holds[b]) for (a, b), count in shown.ways.items()
+    )
 
 
 def reach_beside(lower_m: float) -> tuple[ArmReach, Floats]:
-    """The arm with its hand, and a straight line (2, k) for it; a block is so far below the middle of the line."""
+    """The arm with its hand, and a straight line (2, k) for it; a block is so far below the
+    middle of the line.
+    """
     home = GeometricWorld.of(SCENE.cell)
     line = np.stack([home.configuration, home.configuration])
     line[1, home.first_carriers[SCENE.hand.arm]] += 1.0

@@ -51,7 +51,8 @@ def related(scene: Scene, *parts: str) -> Scene:
 
 
 @given(
-    st.frozensets(st.sampled_from("abcdef")), st.sets(st.frozensets(st.sampled_from("abcdef")), max_size=4)
+    st.frozensets(st.sampled_from("abcdef")),
+    st.sets(st.frozensets(st.sampled_from("abcdef")), max_size=4),
 )
 def test_what_is_left_of_the_culprits_fails_and_nothing_less_does(
     present: frozenset[str], culprits: set[frozenset[str]]
@@ -111,7 +112,9 @@ def test_the_plan_stands_with_all_that_was_learned(five: Built) -> None:
 @pytest.mark.slow
 def test_a_lid_waits_for_what_carries_it(five: Built) -> None:
     yard, lid = five.yard, PartMove("lid", MoveKind.DIRECT, PartSpot.FOUND, PartSpot.GOAL)
-    answer = yard.moved(lid, dict.fromkeys(yard.goals, PartSpot.FOUND), yard.site.world.configuration)
+    answer = yard.moved(
+        lid, dict.fromkeys(yard.goals, PartSpot.FOUND), yard.site.world.configuration
+    )
     assert isinstance(answer, MoveObstacle)
     assert answer.until in (("wall_1",), ("wall_2",))
 
@@ -147,7 +150,9 @@ def test_where_no_grasp_serves_both_ends_the_plan_regrasps() -> None:
 
 @pytest.mark.slow
 def test_without_an_order_the_obstacles_are_told() -> None:
-    """The gap for the plate is too narrow for the fingers on both sides, whatever comes first: it is wider than the jaws."""
+    """The gap for the plate is too narrow for the fingers on both sides, whatever comes first:
+    it is wider than the jaws.
+    """
     scene = replace(FIVE, hand=replace(FIVE.hand, opening_m=0.05))
     made, _ = assemble_scene(related(scene, "floor_plate", "wall_1"), DOMAIN, "base")
     assert isinstance(made, NotBuilt)

@@ -1,4 +1,6 @@
-"""What a camera does in a run: it is calibrated, checked and used, and what it was found to be is kept."""
+"""What a camera does in a run: it is calibrated, checked and used, and what it was found to be
+is kept.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -59,7 +61,9 @@ def test_a_calibration_is_read_as_it_was_written(tmp_path: Path) -> None:
         ("{", "[", "no JSON"),
     ],
 )
-def test_a_calibration_that_cannot_be_one_is_refused(old: str, new: str, said: str, tmp_path: Path) -> None:
+def test_a_calibration_that_cannot_be_one_is_refused(
+    old: str, new: str, said: str, tmp_path: Path
+) -> None:
     rows = tuple(tuple(map(float, row)) for row in transform(np.eye(3), (0.5, 0.0, 1.0)))
     text = calibration_text(CameraFound(rows, 1000.0, (320.0, 240.0), ((0.0,) * 9,) * 9))
     assert old in text
@@ -70,7 +74,10 @@ def test_a_calibration_that_cannot_be_one_is_refused(old: str, new: str, said: s
 
 def seen_at(T_camera_part: Floats) -> LocatedPart:
     return LocatedPart(
-        PoseHypothesis(T_camera_part, 1.0, 1.0, 1.0, 1000, 1000.0), np.zeros((6, 6)), (T_camera_part,), None
+        PoseHypothesis(T_camera_part, 1.0, 1.0, 1.0, 1000, 1000.0),
+        np.zeros((6, 6)),
+        (T_camera_part,),
+        None,
     )
 
 

@@ -31,7 +31,9 @@ def test_jaws_take_away_the_error_along_their_way_and_keep_the_turn_about_it() -
     x = np.array([1.0, 0.0, 0.0])
     found = np.diag(after_grasps(np.eye(6), [x]))
     np.testing.assert_array_equal(found, [0, 1, 1, 1, 0, 0])
-    np.testing.assert_array_equal(after_grasps(np.eye(6), [x, np.array([0.0, 1.0, 0.0])])[2, 2], 1.0)
+    np.testing.assert_array_equal(
+        after_grasps(np.eye(6), [x, np.array([0.0, 1.0, 0.0])])[2, 2], 1.0
+    )
 
 
 def test_grasps_never_make_a_pose_less_sure(plan: Placed) -> None:
@@ -57,7 +59,9 @@ def test_a_part_that_was_moved_after_the_first_look_is_planned_for_anew(plan: Pl
 
 
 def test_a_plan_is_kept_while_the_part_is_where_it_was(plan: Placed) -> None:
-    assert look_again(SCENE, "angle", "base", plan, seen_at(0.45, 0.18, np.radians(35))).answer is plan
+    assert (
+        look_again(SCENE, "angle", "base", plan, seen_at(0.45, 0.18, np.radians(35))).answer is plan
+    )
 
 
 def test_a_part_that_is_gone_is_told(plan: Placed) -> None:

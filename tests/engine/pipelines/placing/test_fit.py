@@ -41,9 +41,15 @@ def test_a_part_that_stands_free_is_not_inserted() -> None:
     assert insertion_of(task(PEG, z_m=0.1), NOTHING, UPRIGHT) is None
 
 
-@pytest.mark.parametrize(("accuracy_m", "search"), [(0.0, HoleSearch.NONE), (0.0003, HoleSearch.SPIRAL)])
-def test_a_search_is_chosen_where_the_doubt_exceeds_the_room(accuracy_m: float, search: HoleSearch) -> None:
-    found, _ = place_part(replace(PEG, hand=replace(PEG.hand, accuracy_m=accuracy_m)), "peg", "block")
+@pytest.mark.parametrize(
+    ("accuracy_m", "search"), [(0.0, HoleSearch.NONE), (0.0003, HoleSearch.SPIRAL)]
+)
+def test_a_search_is_chosen_where_the_doubt_exceeds_the_room(
+    accuracy_m: float, search: HoleSearch
+) -> None:
+    found, _ = place_part(
+        replace(PEG, hand=replace(PEG.hand, accuracy_m=accuracy_m)), "peg", "block"
+    )
     assert isinstance(found, Placed)
     last = found.carries[-1].insertion
     assert last is not None

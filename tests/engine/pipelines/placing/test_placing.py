@@ -8,7 +8,11 @@ import pytest
 
 from cellwright.engine.kernels.rigid import difference
 from cellwright.engine.pipelines.manipulation.place_answers import NotPlaced, Placed
-from cellwright.engine.pipelines.manipulation.place_operation import body_features, goal_of, place_part
+from cellwright.engine.pipelines.manipulation.place_operation import (
+    body_features,
+    goal_of,
+    place_part,
+)
 from cellwright.engine.pipelines.manipulation.scene_camera import camera_of, depth_image
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.diagnostics import InvalidInput
@@ -90,9 +94,17 @@ def test_features_of_bodies_have_the_names_of_their_shapes() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("angle.bottom against base.top", "angle.bottom agianst base.top", "unknown relation 'agianst'"),
+        (
+            "angle.bottom against base.top",
+            "angle.bottom agianst base.top",
+            "unknown relation 'agianst'",
+        ),
         ("angle.bottom against base.top", "angel.bottom against base.top", "unknown body 'angel'"),
-        ("angle.bottom against base.top", "angle.bottom distance base.top", "distance needs a value"),
+        (
+            "angle.bottom against base.top",
+            "angle.bottom distance base.top",
+            "distance needs a value",
+        ),
         ("angle.bottom against base.top", "angle on base", "is not a relation"),
         ("clutter: [brick, slab]", "clutter: [brik]", "unknown body 'brik'"),
         ("arm: arm", "arm: arn", "unknown arm 'arn'"),

@@ -1,4 +1,6 @@
-"""Regrasps through PLACE: a wheel that only its two ends can be held at, and a hand that can lean little."""
+"""Regrasps through PLACE: a wheel that only its two ends can be held at, and a hand that can
+lean little.
+"""
 
 from dataclasses import replace
 from itertools import pairwise, product
@@ -58,7 +60,8 @@ def test_the_bundled_wheel_is_turned_over_with_three_regrasps() -> None:
 
 
 @pytest.mark.parametrize(
-    ("facet", "count"), [("south", 0), ("west", 1), pytest.param("north_west", 2, marks=pytest.mark.slow)]
+    ("facet", "count"),
+    [("south", 0), ("west", 1), pytest.param("north_west", 2, marks=pytest.mark.slow)],
 )
 def test_a_wheel_that_lies_further_round_takes_more_regrasps(facet: str, count: int) -> None:
     assert regrasps_of(lying(facet)) == count
@@ -79,13 +82,15 @@ def task_of(facet: str) -> PlaceTask:
     world = GeometricWorld.of(scene.cell)
     start = world.pose("world", "wheel")
     goal = transform(np.eye(3), np.array([0.4, -0.3, 0.02]))
-    return AssemblySite.of(scene, world, look_for_parts(scene, world, (), 0), {"wheel": start}).task(
-        "wheel", (start, goal)
-    )
+    return AssemblySite.of(
+        scene, world, look_for_parts(scene, world, (), 0), {"wheel": start}
+    ).task("wheel", (start, goal))
 
 
 def fewest(start: Truths, goal: Truths, table: Truths) -> int | None:
-    """The least number of rests, tried one after the other, by looking at all sequences of their kinds."""
+    """The least number of rests, tried one after the other, by looking at all sequences of
+    their kinds.
+    """
     kinds = np.unique(table, axis=1).T
     for count in range(1, 4):
         for sequence in product(kinds, repeat=count):

@@ -1,4 +1,6 @@
-"""Monitoring and portions: what an operator does is followed, and one relation alone can be planned for."""
+"""Monitoring and portions: what an operator does is followed, and one relation alone can be
+planned for.
+"""
 
 import json
 from dataclasses import replace
@@ -38,7 +40,9 @@ from cellwright.kb.targets import BUNDLED_DOMAINS
 ANGLE = load_scene(BUNDLED_DOMAINS / "handey" / "scene.yaml")
 TURNING = load_scene(BUNDLED_DOMAINS / "handey" / "scenes" / "turning.yaml")
 WHEEL = solid_of(TURNING.cell.bodies["wheel"])
-RESTS = {each.facet: each.T_table_part for each in stable_placements(WHEEL, volume_and_centre(WHEEL)[1])}
+RESTS = {
+    each.facet: each.T_table_part for each in stable_placements(WHEEL, volume_and_centre(WHEEL)[1])
+}
 TABLE = transform(rotation((0, 0, 1), 0.3), np.array([0.43, 0.15, 0.0]))
 BODIES = TURNING.cell.bodies
 LYING = replace(
@@ -55,7 +59,10 @@ def run() -> tuple[WatchedWorld, tuple[OperatorAct, OperatorAct]]:
     found, _ = place_part(SCENE, "wheel", "base")
     assert isinstance(found, Placed)
     legs = found.carries[0].legs
-    return state, (OperatorAct(legs[1].path[-1], JawsAct.CLOSE), OperatorAct(legs[4].path[-1], JawsAct.OPEN))
+    return state, (
+        OperatorAct(legs[1].path[-1], JawsAct.CLOSE),
+        OperatorAct(legs[4].path[-1], JawsAct.OPEN),
+    )
 
 
 def warnings(state: WatchedWorld, *events: Event) -> list[GoalOutlook]:
@@ -83,12 +90,16 @@ def test_a_grasp_that_cannot_place_is_told_at_once(
     hold = int(np.argmax(useless))
     width = task.holds.grasps[task.holds.grasp_of[hold]].opening
     reach = ArmReach(with_hand(task.world, task.scene, task.holds.jaws, width), "arm")
-    q = reach.configurations(state.T_world_part @ task.holds.poses[hold], task.world.configuration)[0]
+    q = reach.configurations(state.T_world_part @ task.holds.poses[hold], task.world.configuration)[
+        0
+    ]
     (outlook,) = warnings(state, OperatorAct(q, JawsAct.CLOSE))
     assert outlook in (GoalOutlook.HARD, GoalOutlook.IMPOSSIBLE)
 
 
-def test_what_is_put_on_the_goal_closes_it(run: tuple[WatchedWorld, tuple[OperatorAct, OperatorAct]]) -> None:
+def test_what_is_put_on_the_goal_closes_it(
+    run: tuple[WatchedWorld, tuple[OperatorAct, OperatorAct]],
+) -> None:
     state, (taken, _) = run
     T = state.T_goal.copy()
     T[2, 3] += 0.04
@@ -125,17 +136,24 @@ def test_acts_that_cannot_be_read_are_told(acts: str, message: str, tmp_path: Pa
 
 def test_acts_are_read_in_degrees_and_millimetres(tmp_path: Path) -> None:
     file = tmp_path / "acts.json"
-    written = [{"joints": [90, 0, 0, 0, 0, 0]}, {"body": "brick", "at": [100, 0, 0], "rpy": [0, 0, 90]}]
+    written = [
+        {"joints": [90, 0, 0, 0, 0, 0]},
+        {"body": "brick", "at": [100, 0, 0], "rpy": [0, 0, 90]},
+    ]
     file.write_text(json.dumps(written), "utf-8")
     act, shifted = read_acts(file, TURNING)
     assert isinstance(act, OperatorAct)
     assert isinstance(shifted, BodyShifted)
     assert act.q[0] == pytest.approx(np.pi / 2)
-    np.testing.assert_allclose(shifted.T_world_body[:3, [0, 3]], [[0, 0.1], [1, 0], [0, 0]], atol=1e-12)
+    np.testing.assert_allclose(
+        shifted.T_world_body[:3, [0, 3]], [[0, 0.1], [1, 0], [0, 0]], atol=1e-12
+    )
 
 
 def test_one_relation_alone_is_reached_and_the_part_stays_in_the_hand() -> None:
-    found = bring_to_relation(ANGLE, relation_of(ANGLE.cell, "angle.heel", "parallel", "base.front"))
+    found = bring_to_relation(
+        ANGLE, relation_of(ANGLE.cell, "angle.heel", "parallel", "base.front")
+    )
     assert isinstance(found, BroughtPart)
     assert found.goal.degrees == 4
     assert abs(found.T_world_part[1, 1]) == pytest.approx(1.0, abs=1e-6)  # the heel looks along y
@@ -154,7 +172,9 @@ def test_relations_on_the_command_line_are_refused_where_they_are_wrong() -> Non
 
 def test_a_part_is_not_put_where_something_else_is() -> None:
     brick = replace(ANGLE.cell.bodies["brick"], placement=ANGLE.cell.bodies["base"].placement)
-    up = replace(brick.placement, pose=replace(brick.placement.pose, position_m=(0.42, -0.31, 0.06)))
+    up = replace(
+        brick.placement, pose=replace(brick.placement.pose, position_m=(0.42, -0.31, 0.06))
+    )
     bodies = {**ANGLE.cell.bodies, "brick": replace(brick, placement=up)}
     scene = replace(ANGLE, cell=replace(ANGLE.cell, bodies=bodies), clutter=("slab",))
     found, _ = place_part(scene, "angle", "base")

@@ -1,4 +1,6 @@
-"""Poses of measurements: found together as alone, kept as long as nothing near them changes, and refused with a reason."""
+"""Poses of measurements: found together as alone, kept as long as nothing near them changes,
+and refused with a reason.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -10,7 +12,11 @@ from cellwright.engine.model.part_measurements import asked_for
 from cellwright.engine.pipelines.inspection.measurement_places import with_measured_places
 from cellwright.engine.pipelines.motion import measurement_poses
 from cellwright.engine.pipelines.motion.cell_state import BodyRide, CellState
-from cellwright.engine.pipelines.motion.measurement_poses import PoseKnowledge, known_poses, with_stations
+from cellwright.engine.pipelines.motion.measurement_poses import (
+    PoseKnowledge,
+    known_poses,
+    with_stations,
+)
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import InverseKinematics
@@ -46,12 +52,18 @@ def known(problem: Problem, cell: Cell) -> PoseKnowledge:
 def moved_to(problem: Problem, point: str, x: int, y: int) -> Problem:
     """The problem with one point elsewhere on the web, in micrometres."""
     at = Function("position", (Function(point), Number(x), Number(y), Number(0)))
-    others = [each for each in problem.statics if each.name != "position" or str(each.arguments[0]) != point]
+    others = [
+        each
+        for each in problem.statics
+        if each.name != "position" or str(each.arguments[0]) != point
+    ]
     return replace(problem, statics=(*others, at))
 
 
 def depths(cell: Cell, known: PoseKnowledge) -> list[float]:
-    """How deep the probe is in what it may touch at the deepest of each way, looked at five times on each line."""
+    """How deep the probe is in what it may touch at the deepest of each way, looked at five
+    times on each line.
+    """
     found = []
     for each in (each for each in known.poses.values() if each.reached and each.tool == "us_probe"):
         world = GeometricWorld.of(cell).guided(
@@ -71,7 +83,9 @@ def depths(cell: Cell, known: PoseKnowledge) -> list[float]:
 
 
 @pytest.mark.slow
-def test_a_point_at_the_foot_of_a_rib_is_not_reached_through_the_rib(problem: Problem, cell: Cell) -> None:
+def test_a_point_at_the_foot_of_a_rib_is_not_reached_through_the_rib(
+    problem: Problem, cell: Cell
+) -> None:
     inside = known_poses(moved_to(problem, "a1", -200_000, -1_700_000), cell, geometry_backend())
     assert "us_probe touches ribs by 35 mm" in inside.unreached()["a1"]
     beside = known_poses(moved_to(problem, "a1", -200_000, -1_740_000), cell, geometry_backend())
@@ -100,12 +114,15 @@ def test_poses_are_found_again_where_less_depth_is_allowed(
 ) -> None:
     places = {
         "meas(b1)": replace(
-            with_measured_places(cell, problem, {"b1": "us_probe"}).places["meas(b1)"], depth_m=0.001
+            with_measured_places(cell, problem, {"b1": "us_probe"}).places["meas(b1)"],
+            depth_m=0.001,
         )
     }
     shallow = replace(cell, places={**cell.places, **places})
     again = known_poses(problem, shallow, geometry_backend(), known.poses)
-    assert {key[0] for key, each in again.poses.items() if each is not known.poses.get(key)} == {"b1"}
+    assert {key[0] for key, each in again.poses.items() if each is not known.poses.get(key)} == {
+        "b1"
+    }
 
 
 def with_block(cell: Cell, at: tuple[float, float, float], size: float = 0.1) -> Cell:
@@ -146,7 +163,9 @@ def test_nothing_is_found_again_where_nothing_has_changed(
     assert far.made == 0
 
 
-def test_only_what_is_asked_for_is_looked_at_and_the_rest_may_be_reached_from_anywhere(cell: Cell) -> None:
+def test_only_what_is_asked_for_is_looked_at_and_the_rest_may_be_reached_from_anywhere(
+    cell: Cell,
+) -> None:
     some = problem_of(PROBLEM, "measured(_, _, meas(b1))")
     assert asked_for(some) == {"b1"}
     found = known_poses(some, cell, geometry_backend(), only=asked_for(some))
@@ -182,7 +201,9 @@ def test_a_block_before_one_point_touches_only_the_poses_near_it_and_takes_the_p
     assert set(again.unreached()) == {"a1"}
     assert "block" in again.unreached()["a1"]
     told = with_stations(problem, again)
-    assert any(fact.name == "impossible" and str(fact.arguments[0]) == "a1" for fact in told.statics)
+    assert any(
+        fact.name == "impossible" and str(fact.arguments[0]) == "a1" for fact in told.statics
+    )
 
 
 def test_one_rib_that_moves_leaves_the_poses_near_other_ribs_as_they_are(
@@ -212,8 +233,12 @@ def test_a_scanner_looks_past_what_stands_beside_its_way_and_is_told_what_hides_
         problem, with_block(cell, (0.2, -1.25, -0.05), 0.06), geometry_backend(), known.poses
     )
     assert "block is between it and the laser and camera of slra" in hidden.unreached()["a2"]
-    assert {key[0] for key, each in hidden.poses.items() if each is not known.poses.get(key)} == {"a2"}
-    beside = known_poses(problem, with_block(cell, (0.2, -1.20, -0.1), 0.06), geometry_backend(), known.poses)
+    assert {key[0] for key, each in hidden.poses.items() if each is not known.poses.get(key)} == {
+        "a2"
+    }
+    beside = known_poses(
+        problem, with_block(cell, (0.2, -1.20, -0.1), 0.06), geometry_backend(), known.poses
+    )
     assert "a2" not in beside.unreached()
     again = known_poses(problem, cell, geometry_backend(), hidden.poses)
     assert again.unreached() == {}
@@ -227,12 +252,17 @@ def test_a_patch_is_as_large_as_what_stands_around_lets_see(
     """A ring of four blocks leaves a window of 4 cm."""
     walls = [(0.2 + x, -1.25 + y, -0.01) for x, y in ((0.04, 0), (-0.04, 0), (0, 0.04), (0, -0.04))]
     boxes = tuple(
-        PlacedShape(Box((0.03 if n < 2 else 0.12, 0.12 if n < 2 else 0.03, 0.01)), Pose(at, (0.0, 0.0, 0.0)))
+        PlacedShape(
+            Box((0.03 if n < 2 else 0.12, 0.12 if n < 2 else 0.03, 0.01)), Pose(at, (0.0, 0.0, 0.0))
+        )
         for n, at in enumerate(walls)
     )
     frame = Body("frame", BodyKind.FIXTURE, Placement("bulkhead"), boxes)
     narrow = known_poses(
-        problem, replace(cell, bodies={**cell.bodies, "frame": frame}), geometry_backend(), known.poses
+        problem,
+        replace(cell, bodies={**cell.bodies, "frame": frame}),
+        geometry_backend(),
+        known.poses,
     )
     for key, each in narrow.poses.items():
         if key[0] == "a2" and each.reached:
@@ -241,7 +271,9 @@ def test_a_patch_is_as_large_as_what_stands_around_lets_see(
     assert "a2" not in narrow.unreached()
     sides = [each.patch.size_m[0] for each in known.poses.values() if each.patch]
     assert sides
-    assert all(0.058 < side <= 0.06 for side in sides), "whole pixels, of 1.3 mm, of the greatest patch"
+    assert all(0.058 < side <= 0.06 for side in sides), (
+        "whole pixels, of 1.3 mm, of the greatest patch"
+    )
     assert all(each.sigma_m > 0 for each in known.poses.values() if each.patch)
 
 

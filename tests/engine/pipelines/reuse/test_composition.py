@@ -1,4 +1,6 @@
-"""Plans composed of MACROPs are valid, no dearer than the planner's by more than a twentieth, and never needed."""
+"""Plans composed of MACROPs are valid, no dearer than the planner's by more than a twentieth,
+and never needed.
+"""
 
 import dataclasses
 from pathlib import Path
@@ -9,7 +11,11 @@ from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.planning import checked_plan
-from cellwright.engine.pipelines.planning.macros import LibraryAnswer, LibraryPlanner, library_planner
+from cellwright.engine.pipelines.planning.macros import (
+    LibraryAnswer,
+    LibraryPlanner,
+    library_planner,
+)
 from cellwright.engine.stages.macros.lookup.macro_repertoire import DOUBT_S, pays_off
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.validation import validate_plan
@@ -39,7 +45,10 @@ ROUGH = SearchLimits(
 
 
 def answer(problem: Problem, folder: Path, limits: SearchLimits = ROUGH) -> LibraryAnswer:
-    with Library(str(folder / "library.db")) as library, LibraryPlanner(library, limits) as practice:
+    with (
+        Library(str(folder / "library.db")) as library,
+        LibraryPlanner(library, limits) as practice,
+    ):
         return practice.plan(problem)
 
 
@@ -57,7 +66,9 @@ def test_four_probes_are_four_instances_of_what_two_taught(
     assert len({part.macrop for part in answered.parts[1:]}) == 1
     plan = found_in(answered).plan
     assert validate_plan(problem, plan) == []
-    assert sorted(n for part in answered.parts for n in part.steps) == [step.id for step in plan.steps]
+    assert sorted(n for part in answered.parts for n in part.steps) == [
+        step.id for step in plan.steps
+    ]
     planned = checked_plan.plan_problem(problem, ROUGH)
     assert isinstance(planned, Found)
     assert plan.cost <= 1.05 * planned.plan.cost
@@ -71,7 +82,13 @@ def test_the_whole_is_learned_as_a_macrop_of_macrops(tmp_path: Path) -> None:
     assert found_in(first).plan.steps == found_in(second).plan.steps
 
 
-places = ["slot(drawer, 1)", "slot(drawer, 2)", "slot(drawer, 3)", "slot(drawer, 4)", "slot(freezer, 1)"]
+places = [
+    "slot(drawer, 1)",
+    "slot(drawer, 2)",
+    "slot(drawer, 3)",
+    "slot(drawer, 4)",
+    "slot(freezer, 1)",
+]
 many_goals = st.permutations(places).map(
     lambda order: ", ".join(f"at(probe_{n}, {place})" for n, place in enumerate(order[:3], 1))
 )
@@ -80,7 +97,9 @@ many_goals = st.permutations(places).map(
 @pytest.mark.slow
 @given(goals=many_goals, other=many_goals)
 @settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
-def test_parts_that_disturb_each_other_are_planned_together(tmp_path: Path, goals: str, other: str) -> None:
+def test_parts_that_disturb_each_other_are_planned_together(
+    tmp_path: Path, goals: str, other: str
+) -> None:
     (tmp_path / "library.db").unlink(missing_ok=True)
     base = dataclasses.replace(bundled("themse/four"), goal=ALWAYS_TRUE, chains=())
     for wanted in (goals, other):
@@ -91,7 +110,10 @@ def test_parts_that_disturb_each_other_are_planned_together(tmp_path: Path, goal
 
 def test_what_failed_to_pay_is_not_tried_again(tmp_path: Path) -> None:
     problem = bundled("themse/two")
-    with Library(str(tmp_path / "library.db")) as library, LibraryPlanner(library, ROUGH) as practice:
+    with (
+        Library(str(tmp_path / "library.db")) as library,
+        LibraryPlanner(library, ROUGH) as practice,
+    ):
         kinds = "| heated/2>cooled/2>stored/1"
         library.note_trial("themse", f" {kinds}", False)
         assert library.trials("themse", f" {kinds}") == (0, 1)

@@ -1,4 +1,6 @@
-"""Libraries on domains where conditions speak of all objects, or where costs depend on the binding."""
+"""Libraries on domains where conditions speak of all objects, or where costs depend on the
+binding.
+"""
 
 from pathlib import Path
 
@@ -57,7 +59,9 @@ def read(file: Path) -> Problem:
 
 
 @pytest.mark.parametrize("goals", ["tidy", "shiny", "tidy, shiny"])
-def test_a_plan_with_a_condition_on_all_objects_is_given_and_not_learned(tmp_path: Path, goals: str) -> None:
+def test_a_plan_with_a_condition_on_all_objects_is_given_and_not_learned(
+    tmp_path: Path, goals: str
+) -> None:
     problem = read(problem_in(tmp_path, ALL, goals))
     with Library(str(tmp_path / "store.db")) as library, LibraryPlanner(library) as practice:
         answered = practice.plan(problem)
@@ -76,20 +80,25 @@ def test_plan_prepare_and_revise_end_without_an_internal_error(tmp_path: Path) -
     assert made.exit_code == 0, made.output
     plan = tmp_path / "plan.json"
     plan.write_text(made.stdout)
-    assert runner.invoke(app, ["prepare", str(file), "--store", store, "--jobs", "1"]).exit_code == 0
+    assert (
+        runner.invoke(app, ["prepare", str(file), "--store", store, "--jobs", "1"]).exit_code == 0
+    )
     revised = runner.invoke(app, ["revise", str(plan), "--done", "1"])
     assert revised.exit_code == 0, revised.output
 
 
 def test_of_two_macrops_the_cheaper_instance_is_taken(tmp_path: Path) -> None:
     """What a ride costs is known only where it leads; walking costs 10 wherever."""
-    file = problem_in(tmp_path, PRICED, "at(there)", "statics: ['toll(there, 3)']\ninitial: ['at(here)']\n")
+    file = problem_in(
+        tmp_path, PRICED, "at(there)", "statics: ['toll(there, 3)']\ninitial: ['at(here)']\n"
+    )
     on_foot = read(file)
     paid = with_goals(on_foot.domain, "at(there)", on_foot)
     paid = paid.replace((Function("at", (Function("here"),)), Function("ticket")))
     with Library(str(tmp_path / "store.db")) as library, LibraryPlanner(library) as practice:
         first, second = practice.plan(on_foot), practice.plan(paid)
-        assert [_cost(each) for each in (first, second)] == [10, 10]  # the library has a way already
+        # the library has a way already
+        assert [_cost(each) for each in (first, second)] == [10, 10]
         here = practice.situation(paid)
         ride = _ride(paid)
         learned = generalise_plan(paid, ride, here.world, here.state).macrop

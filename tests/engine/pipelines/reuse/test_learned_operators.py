@@ -1,4 +1,6 @@
-"""Sub-sequences that recur and pay become operators of later searches; those that do not, or have gone stale, do not."""
+"""Sub-sequences that recur and pay become operators of later searches; those that do not, or
+have gone stale, do not.
+"""
 
 import json
 from dataclasses import replace
@@ -41,7 +43,9 @@ DOMAIN = """
 
 
 def parcels(folder: Path, moves: str, name: str = "day") -> Problem:
-    """A truck for each letter, which moves its parcel from one town to the next: `ab` from a to b."""
+    """A truck for each letter, which moves its parcel from one town to the next: `ab` from a to
+    b.
+    """
     towns = "abcd"
     numbers = range(len(moves.split()))
     roads = " ".join(f"(road {a} {b})" for a in towns for b in towns if a != b)
@@ -49,7 +53,8 @@ def parcels(folder: Path, moves: str, name: str = "day") -> Problem:
     wanted = " ".join(f"(at p{n} {move[1]})" for n, move in enumerate(moves.split()))
     things = " ".join(f"p{n}" for n in numbers)
     text = (
-        f"(define (problem {name}) (:domain parcels) (:objects {things} t1 t2 {' '.join(towns)}) (:init {roads} {there} "
+        f"(define (problem {name}) (:domain parcels) (:objects {things} t1 t2 "
+        f"{' '.join(towns)}) (:init {roads} {there} "
         f"(truck t1) (truck t2) (at t1 a) (at t2 c)) (:goal (and {wanted})))"
     )
     (folder / "domain.pddl").write_text(DOMAIN)
@@ -83,7 +88,9 @@ def test_what_recurs_and_pays_is_kept_with_its_figures(library: Library, tmp_pat
     assert offered.backward or offered.forward
 
 
-def test_a_kept_subsequence_serves_another_task_and_is_counted(library: Library, tmp_path: Path) -> None:
+def test_a_kept_subsequence_serves_another_task_and_is_counted(
+    library: Library, tmp_path: Path
+) -> None:
     taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
     problem = parcels(tmp_path, "ba cb dc ad ca db ab", "other")
     offers = Subsequences(library, problem.domain).offered()
@@ -91,7 +98,9 @@ def test_a_kept_subsequence_serves_another_task_and_is_counted(library: Library,
     assert searches
     for search in searches:
         known = Subsequences(library, problem.domain)
-        outcome, _ = checked_plan.plan_and_ground(problem, SearchLimits(strategy=search), known.offered())
+        outcome, _ = checked_plan.plan_and_ground(
+            problem, SearchLimits(strategy=search), known.offered()
+        )
         assert isinstance(outcome, Found)
         assert validate_plan(problem, outcome.plan) == []
         offer = outcome.statistics.offer
@@ -102,14 +111,18 @@ def test_a_kept_subsequence_serves_another_task_and_is_counted(library: Library,
         for (number, kind), utility in after.items():
             had = before.get((number, kind), Utility())
             assert utility.offered - had.offered == (kind == offer.search and bool(offer.offered))
-        assert sum(u.used for u in after.values()) == len(offer.used) + sum(u.used for u in before.values())
+        assert sum(u.used for u in after.values()) == len(offer.used) + sum(
+            u.used for u in before.values()
+        )
 
 
 def test_trials_repeat_and_count_the_work_without_once(tmp_path: Path, library: Library) -> None:
     problem = parcels(tmp_path, "ab bc cd da")
     _, task = checked_plan.plan_and_ground(problem)
     known = taught(library, problem)
-    patterns = [pattern_of(each.macrop) for each in library.serving("parcels", SUBSEQUENCE_SIGNATURE)]
+    patterns = [
+        pattern_of(each.macrop) for each in library.serving("parcels", SUBSEQUENCE_SIGNATURE)
+    ]
     assert patterns
     for search in ("backward", "forward"):
         first = measure_utility(task, search, patterns)
@@ -148,7 +161,11 @@ def test_what_pays_nowhere_is_dropped_and_what_is_offered_in_vain_is_offered_no_
     problem = parcels(tmp_path, "ab bc cd da ac bd")
     known = taught(library, problem)
     kept = library.serving("parcels", SUBSEQUENCE_SIGNATURE)
-    vain = {(each.id, search): Utility(offered=RARELY) for each in kept for search in ("backward", "forward")}
+    vain = {
+        (each.id, search): Utility(offered=RARELY)
+        for each in kept
+        for search in ("backward", "forward")
+    }
     library.note_utilities(vain)
     assert Subsequences(library, problem.domain).offered() == type(known.offered())()
     loss = {key: Utility(trials=MAX_FAILED_TRIALS, without=1, beside=10**9) for key in vain}
@@ -202,10 +219,13 @@ def test_a_folded_plan_has_every_step_once_and_shows_the_macrops_in_it(
     outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     parts = known.folded(outcome.plan)
-    assert sorted(step for part in parts for step in part.steps) == [step.id for step in outcome.plan.steps]
+    assert sorted(step for part in parts for step in part.steps) == [
+        step.id for step in outcome.plan.steps
+    ]
     steps = {step.id: step.operator for step in outcome.plan.steps}
     patterns = {
-        each.id: pattern_of(each.macrop) for each in library.serving("parcels", SUBSEQUENCE_SIGNATURE)
+        each.id: pattern_of(each.macrop)
+        for each in library.serving("parcels", SUBSEQUENCE_SIGNATURE)
     }
     inner = [part for part in parts if part.macrop is not None]
     assert inner
@@ -228,6 +248,8 @@ def test_commands_tell_what_searches_had_of_subsequences(library: Library, tmp_p
             assert found["without"] == figures[entry["number"], search].without
     assert json.loads(told.stdout)["data"]["subsequences"]["macrops"] == len(kept)
     text = (
-        CliRunner().invoke(app, ["macros", "list", "--store", library.target], env={"COLUMNS": "200"}).stdout
+        CliRunner()
+        .invoke(app, ["macros", "list", "--store", library.target], env={"COLUMNS": "200"})
+        .stdout
     )
     assert "in search" in text

@@ -1,4 +1,6 @@
-"""Lookup first, planning else, learning after: whatever a library answers passes the independent checker."""
+"""Lookup first, planning else, learning after: whatever a library answers passes the
+independent checker.
+"""
 
 import dataclasses
 from collections.abc import Callable
@@ -47,9 +49,13 @@ bulkhead_goal = st.one_of(
 )
 probe = st.integers(1, 4)
 themse_goal = st.one_of(
-    st.builds("inside(probe_{}, {})".format, probe, st.sampled_from(["furnace", "freezer", "drawer"])),
+    st.builds(
+        "inside(probe_{}, {})".format, probe, st.sampled_from(["furnace", "freezer", "drawer"])
+    ),
     st.builds("at(probe_{}, mars_gripper)".format, probe),
-    st.builds("position({})".format, st.sampled_from(["flap, open", "drawer, open", "bayonet, locked"])),
+    st.builds(
+        "position({})".format, st.sampled_from(["flap, open", "drawer, open", "bayonet, locked"])
+    ),
     st.just("at(lid, stand)"),
 )
 
@@ -85,11 +91,16 @@ def assert_valid(problem: Problem, here: Situation, answered: LibraryAnswer) -> 
 
 
 def work_through(problem: Problem, goals: list[str], folder: Path) -> list[str]:
-    """Serve goals one after another, each from where the last one ended; the origins of the plans."""
+    """Serve goals one after another, each from where the last one ended; the origins of the
+    plans.
+    """
     file = folder / "library.db"
     file.unlink(missing_ok=True)
     origins = []
-    with Library(str(file)) as library, LibraryPlanner(library, SearchLimits(expansions=20_000)) as practice:
+    with (
+        Library(str(file)) as library,
+        LibraryPlanner(library, SearchLimits(expansions=20_000)) as practice,
+    ):
         here = practice.situation(problem)
         for goal in goals:
             wanted = asked(problem, goal)
@@ -107,18 +118,24 @@ SETTINGS = settings(max_examples=8, deadline=None, suppress_health_check=list(He
 @pytest.mark.slow
 @given(goals=st.lists(bulkhead_goal, min_size=4, max_size=8))
 @SETTINGS
-def test_every_plan_in_a_day_of_measuring_is_valid(points: Problem, tmp_path: Path, goals: list[str]) -> None:
+def test_every_plan_in_a_day_of_measuring_is_valid(
+    points: Problem, tmp_path: Path, goals: list[str]
+) -> None:
     work_through(points, goals, tmp_path)
 
 
 @pytest.mark.slow
 @given(goals=st.lists(themse_goal, min_size=4, max_size=7))
 @SETTINGS
-def test_every_plan_in_a_day_at_the_rack_is_valid(probes: Problem, tmp_path: Path, goals: list[str]) -> None:
+def test_every_plan_in_a_day_at_the_rack_is_valid(
+    probes: Problem, tmp_path: Path, goals: list[str]
+) -> None:
     work_through(probes, goals, tmp_path)
 
 
-def test_what_was_planned_once_is_looked_up_for_other_objects(points: Problem, tmp_path: Path) -> None:
+def test_what_was_planned_once_is_looked_up_for_other_objects(
+    points: Problem, tmp_path: Path
+) -> None:
     goals = [f"measured(_, _, meas(m{n}))" for n in (2, 3, 1)]
     assert work_through(points, goals, tmp_path) == ["planner", "library", "library"]
 
@@ -131,11 +148,17 @@ def test_another_process_serves_what_one_has_learned(points: Problem, tmp_path: 
     target = str(tmp_path / "library.db")
     with Library(target) as one, Library(target) as other, LibraryPlanner(other) as reader:
         first = asked(points, "measured(_, _, meas(m2))")
-        assert reader.plan(asked(points, "at(t3_746, approach_point(meas(m2)))")).origin == "planner"
+        assert (
+            reader.plan(asked(points, "at(t3_746, approach_point(meas(m2)))")).origin == "planner"
+        )
         with LibraryPlanner(one) as writer:
             learned = writer.plan(first)
         found = reader.plan(first)
-        assert (learned.origin, found.origin, found.macrop) == ("planner", "library", learned.macrop)
+        assert (learned.origin, found.origin, found.macrop) == (
+            "planner",
+            "library",
+            learned.macrop,
+        )
     with Library(target) as library:
         assert library.figures().uses == 1
 
@@ -158,7 +181,9 @@ def test_what_was_read_ahead_is_looked_up_without_asking_the_library(
 
 
 def test_what_is_infeasible_is_not_learned(points: Problem, tmp_path: Path) -> None:
-    heavy = dataclasses.replace(points, statics=tuple(s for s in points.statics if s.name != "needs"))
+    heavy = dataclasses.replace(
+        points, statics=tuple(s for s in points.statics if s.name != "needs")
+    )
     with Library(str(tmp_path / "library.db")) as library, LibraryPlanner(library) as practice:
         answered = practice.plan(asked(heavy, "measured(_, _, meas(m4))"))
         assert not isinstance(answered.outcome, Found)
@@ -171,7 +196,9 @@ def test_what_lookup_finds_and_the_checker_refuses_is_planned(
     """Whatever goes wrong inside lookup, a plan that is none does not leave by the library."""
     with Library(str(tmp_path / "library.db")) as library, LibraryPlanner(library) as practice:
         assert practice.plan(asked(points, "measured(_, _, meas(m2))")).origin == "planner"
-        monkeypatch.setattr(macro_lookup, "instantiate_macro", broken(macro_lookup.instantiate_macro))
+        monkeypatch.setattr(
+            macro_lookup, "instantiate_macro", broken(macro_lookup.instantiate_macro)
+        )
         monkeypatch.setattr(macro_lookup, "check_instance", lambda _plan, query: query.situation)
         again = practice.plan(asked(points, "measured(_, _, meas(m3))"))
         assert again.origin == "planner"
@@ -191,7 +218,9 @@ def test_what_the_library_gives_passes_the_checker(
     passed: list[Plan] = []
     checked = PlanGate.findings
     monkeypatch.setattr(
-        PlanGate, "findings", lambda self, *given: (passed.append(given[1]), checked(self, *given))[1]
+        PlanGate,
+        "findings",
+        lambda self, *given: (passed.append(given[1]), checked(self, *given))[1],
     )
     with Library(str(tmp_path / "library.db")) as library, LibraryPlanner(library) as practice:
         practice.plan(asked(points, "measured(_, _, meas(m2))"))

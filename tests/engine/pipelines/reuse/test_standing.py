@@ -1,4 +1,6 @@
-"""Libraries that stay open: what a process plans again and again is found in memory, and the library is the truth."""
+"""Libraries that stay open: what a process plans again and again is found in memory, and the
+library is the truth.
+"""
 
 import gc
 import os
@@ -11,7 +13,10 @@ import pytest
 
 from cellwright.engine.pipelines.planning.library_plans import plan_with_library
 from cellwright.engine.pipelines.planning.macros import library_planner as module
-from cellwright.engine.pipelines.planning.macros.library_planner import close_libraries, open_planner
+from cellwright.engine.pipelines.planning.macros.library_planner import (
+    close_libraries,
+    open_planner,
+)
 from cellwright.engine.pipelines.planning.plan_objective import SequenceChoice
 from cellwright.engine.stages.lifted import cell_domain
 from cellwright.engine.stages.planning import SearchLimits
@@ -97,7 +102,9 @@ def test_what_others_have_removed_is_not_found(problem: Problem, tmp_path: Path)
     assert origin(problem, store) == "library"
 
 
-def test_what_is_removed_during_a_turn_is_missed_by_the_next(problem: Problem, tmp_path: Path) -> None:
+def test_what_is_removed_during_a_turn_is_missed_by_the_next(
+    problem: Problem, tmp_path: Path
+) -> None:
     store = str(tmp_path / "library.db")
     for _ in range(2):
         origin(problem, store)
@@ -107,10 +114,17 @@ def test_what_is_removed_during_a_turn_is_missed_by_the_next(problem: Problem, t
     assert origin(problem, store) == "planner"
 
 
-def test_what_is_learned_in_a_turn_and_removed_after_it_is_missed(problem: Problem, tmp_path: Path) -> None:
+def test_what_is_learned_in_a_turn_and_removed_after_it_is_missed(
+    problem: Problem, tmp_path: Path
+) -> None:
     store = str(tmp_path / "library.db")
-    other = with_goals(problem.domain, "measured(_, _, meas(m3)), measured(_, _, meas(m2))", problem)
-    assert [origin(each, store) for each in (problem, problem, other, other)] == ["planner", "library"] * 2
+    other = with_goals(
+        problem.domain, "measured(_, _, meas(m3)), measured(_, _, meas(m2))", problem
+    )
+    assert [origin(each, store) for each in (problem, problem, other, other)] == [
+        "planner",
+        "library",
+    ] * 2
     with Library(store) as library:
         library.forget([max(each.id for each in library.all())])
     assert [origin(each, store) for each in (other, problem)] == ["planner", "library"]
@@ -145,7 +159,9 @@ def test_another_version_of_the_file_of_the_cell_is_evaluated_anew(
 ) -> None:
     store, seen = str(tmp_path / "library.db"), []
     for size in (1, 1, 1, 2):
-        monkeypatch.setattr(module, "version_of_cell", lambda _, size=size: (tmp_path / "cell.yaml", 0, size))
+        monkeypatch.setattr(
+            module, "version_of_cell", lambda _, size=size: (tmp_path / "cell.yaml", 0, size)
+        )
         origin(problem, store)
         seen += [each.cells for each in module._OPEN.standing]
     assert seen[0] is seen[1]
@@ -202,7 +218,9 @@ def test_a_macrop_that_cannot_be_read_spoils_no_answer_to_another_problem(
     problem: Problem, tmp_path: Path
 ) -> None:
     store = str(tmp_path / "library.db")
-    other = with_goals(problem.domain, "measured(_, _, meas(m3)), measured(_, _, meas(m2))", problem)
+    other = with_goals(
+        problem.domain, "measured(_, _, meas(m3)), measured(_, _, meas(m2))", problem
+    )
     assert [origin(each, store) for each in (problem, other)] == ["planner", "planner"]
     close_libraries()
     with sqlite3.connect(store) as raw:
@@ -210,13 +228,18 @@ def test_a_macrop_that_cannot_be_read_spoils_no_answer_to_another_problem(
     assert [(origin(problem, store), kept()) for _ in range(3)] == [("library", 0)] * 3
 
 
-def test_few_libraries_stay_open(problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_libraries_stay_open(
+    problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(module, "MAX_OPEN_LIBRARIES", 2)
     for name in ("a", "b", "c"):
         for _ in range(2):
             with open_planner(str(tmp_path / name), problem.domain, SearchLimits()):
                 pass
-    assert [each.store for each in module._OPEN.standing] == [str(tmp_path / "b"), str(tmp_path / "c")]
+    assert [each.store for each in module._OPEN.standing] == [
+        str(tmp_path / "b"),
+        str(tmp_path / "c"),
+    ]
 
 
 def test_a_large_library_and_one_that_is_much_read_do_not_stay(
@@ -230,7 +253,9 @@ def test_a_large_library_and_one_that_is_much_read_do_not_stay(
     assert [(origin(problem, store), kept()) for _ in range(2)] == [("library", 1), ("library", 0)]
 
 
-def test_a_forked_process_uses_no_connection_of_its_parent(problem: Problem, tmp_path: Path) -> None:
+def test_a_forked_process_uses_no_connection_of_its_parent(
+    problem: Problem, tmp_path: Path
+) -> None:
     store = str(tmp_path / "library.db")
     for _ in range(2):
         origin(problem, store)
@@ -253,7 +278,9 @@ def test_a_library_that_stays_open_counts_as_opened_by_the_next_command(
     assert opened_so_far() == (store,)
 
 
-def test_a_program_that_plans_again_is_answered_as_a_command_is(problem: Problem, tmp_path: Path) -> None:
+def test_a_program_that_plans_again_is_answered_as_a_command_is(
+    problem: Problem, tmp_path: Path
+) -> None:
     store = str(tmp_path / "library.db")
     answers = [
         plan_with_library(problem, SearchLimits(), None, SequenceChoice.FREE, store, False, stays)

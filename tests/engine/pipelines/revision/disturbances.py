@@ -37,7 +37,9 @@ class Moment:
 
 
 def moment(course: PlanUnderWay, cut: int, acts: int, losses: int, draw: random.Random) -> Moment:
-    """After the first `cut` steps somebody takes a few steps of their own, and a few facts get lost."""
+    """After the first `cut` steps somebody takes a few steps of their own, and a few facts get
+    lost.
+    """
     steps = course.plan.steps[:cut]
     done = tuple(step.id for step in steps)
     reached = stages_reached(course.problem.chains, course.start, changes_of(course.start, steps))
@@ -46,11 +48,14 @@ def moment(course: PlanUnderWay, cut: int, acts: int, losses: int, draw: random.
         possible = [
             each
             for each in course.task.operators
-            if not each.preconditions & ~state and not _is_stage(course.named(each.adds | each.deletes))
+            if not each.preconditions & ~state
+            and not _is_stage(course.named(each.adds | each.deletes))
         ]
         if possible:
             state = progress_state(state, draw.choice(possible))
-    facts = [atom for atom in course.named(state) if atom.name != "not" and not atom.name.startswith("_")]
+    facts = [
+        atom for atom in course.named(state) if atom.name != "not" and not atom.name.startswith("_")
+    ]
     for _ in range(min(losses, len(facts))):
         facts.pop(draw.randrange(len(facts)))
     return Moment(done, tuple(facts))

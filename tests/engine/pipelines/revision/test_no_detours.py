@@ -1,4 +1,6 @@
-"""A revised plan makes no detour: no step can be left out, and what leads back to an old plan costs no more than a new one."""
+"""A revised plan makes no detour: no step can be left out, and what leads back to an old plan
+costs no more than a new one.
+"""
 
 import random
 from pathlib import Path
@@ -65,7 +67,9 @@ def test_a_repair_over_a_gap_costs_no_more_than_a_new_plan(
 
 @given(**DRAWN)
 @LAW
-def test_no_step_of_a_revised_plan_can_be_left_out(path: Path, cut: float, acts: int, seed: int) -> None:
+def test_no_step_of_a_revised_plan_can_be_left_out(
+    path: Path, cut: float, acts: int, seed: int
+) -> None:
     made = revised(path, cut, acts, seed)
     if isinstance(made.outcome, Found):
         event(f"{made.way}, {len(made.outcome.plan.steps)} steps")

@@ -67,11 +67,20 @@ def test_after_any_disturbance_the_revised_plan_is_valid(
 
 
 repairs = sys.modules[revise_plan.__module__]  # the package gives its function the module's name
-SMALL = [bundled("bulkhead/one_point"), bundled("bulkhead/both_tools"), bundled("themse/lid_on_stand")]
+SMALL = [
+    bundled("bulkhead/one_point"),
+    bundled("bulkhead/both_tools"),
+    bundled("themse/lid_on_stand"),
+]
 
 
 @pytest.mark.slow
-@given(path=st.sampled_from(SMALL), cut=st.floats(0, 1), losses=st.integers(1, 2), seed=st.integers(0, 2**20))
+@given(
+    path=st.sampled_from(SMALL),
+    cut=st.floats(0, 1),
+    losses=st.integers(1, 2),
+    seed=st.integers(0, 2**20),
+)
 @settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 def test_when_facts_get_lost_revision_finds_a_plan_exactly_if_there_is_one(
     path: Path, cut: float, losses: int, seed: int
@@ -85,7 +94,12 @@ def test_when_facts_get_lost_revision_finds_a_plan_exactly_if_there_is_one(
         assert validate_plan(found.problem, found.outcome.plan) == []
 
 
-@given(path=st.sampled_from(SMALL), cut=st.floats(0, 1), acts=st.integers(1, 3), seed=st.integers(0, 2**20))
+@given(
+    path=st.sampled_from(SMALL),
+    cut=st.floats(0, 1),
+    acts=st.integers(1, 3),
+    seed=st.integers(0, 2**20),
+)
 @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 def test_asked_for_both_the_cheaper_is_taken(path: Path, cut: float, acts: int, seed: int) -> None:
     made = course(path)
@@ -100,7 +114,9 @@ def test_a_repair_that_the_checker_refuses_is_replanned(monkeypatch: pytest.Monk
     whole = repairs.deorder
     monkeypatch.setattr(repairs, "deorder", lambda *given: Plan(whole(*given).steps[:-1]))
     made = course(bundled("themse/one"))
-    found = revise_plan(made, (), observed_state(made, made.start, [atom("position(flap, open)")], []))
+    found = revise_plan(
+        made, (), observed_state(made, made.start, [atom("position(flap, open)")], [])
+    )
     assert found.way == "replanned"
     assert validate_plan(found.problem, plan_of(found)) == []
 
@@ -135,17 +151,24 @@ def test_a_flap_that_somebody_closed_is_opened_again() -> None:
 
 def test_what_was_done_already_by_others_is_dropped() -> None:
     made = course(bundled("bulkhead/one_point"))
-    there = [atom("at(t3_746, in_contact_point(meas(m2)))"), atom("couplant_applied(goal_point(meas(m2)))")]
+    there = [
+        atom("at(t3_746, in_contact_point(meas(m2)))"),
+        atom("couplant_applied(goal_point(meas(m2)))"),
+    ]
     found = revise_plan(made, (), observed_state(made, made.start, there, []))
     assert found.way == "continued"
-    assert [str(step.operator) for step in plan_of(found).steps] == ["us_measure(us_probe, t3_746, m2)"]
+    assert [str(step.operator) for step in plan_of(found).steps] == [
+        "us_measure(us_probe, t3_746, m2)"
+    ]
     assert len(found.dropped) == 4
 
 
 def test_nothing_is_left_when_the_goals_hold() -> None:
     made = course(bundled("bulkhead/one_point"))
     found = revise_plan(
-        made, (), observed_state(made, made.start, [atom("measured(us_probe, t3_746, meas(m2))")], [])
+        made,
+        (),
+        observed_state(made, made.start, [atom("measured(us_probe, t3_746, meas(m2))")], []),
     )
     assert (found.way, plan_of(found).steps) == ("done", ())
 

@@ -1,10 +1,17 @@
-"""What causes do to a cell when they are noticed: each key of a fault base by itself, on a small bench."""
+"""What causes do to a cell when they are noticed: each key of a fault base by itself, on a
+small bench.
+"""
 
 from pathlib import Path
 
 import pytest
 
-from cellwright.engine.pipelines.recovery.world_model import Dynamics, FaultyCell, WorldState, plan_history
+from cellwright.engine.pipelines.recovery.world_model import (
+    Dynamics,
+    FaultyCell,
+    WorldState,
+    plan_history,
+)
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load
 from cellwright.kb.loader.fault_base import load_faults
@@ -88,14 +95,20 @@ def test_what_was_done_since_the_cause_was_surely_not_there_is_open_again(
     spoilt, stands = faulty.spoilt("moved")
     assert [str(each.step) for each in spoilt] == ["measure(b)"]
     assert [str(each.step) for each in stands] == ["measure(a)", "mark(a)"]
-    assert told(faulty.begun(before, ("moved",))) == ({"found", "marked(a)"}, {"a": 1, "b": 0, "c": 0})
+    assert told(faulty.begun(before, ("moved",))) == (
+        {"found", "marked(a)"},
+        {"a": 1, "b": 0, "c": 0},
+    )
 
 
 def test_without_such_a_step_all_that_the_cause_spoils_is_open_again(
     cell: tuple[FaultyCell, WorldState],
 ) -> None:
     faulty, before = cell
-    assert told(faulty.begun(before, ("worn",))) == ({"found", "marked(a)"}, {"a": 0, "b": 0, "c": 0})
+    assert told(faulty.begun(before, ("worn",))) == (
+        {"found", "marked(a)"},
+        {"a": 0, "b": 0, "c": 0},
+    )
     early = FaultyCell(
         faulty.dynamics, faulty.model, "odd", faulty.binding, faulty.interrupted, faulty.done[1:3]
     )
@@ -112,19 +125,25 @@ def test_a_step_whose_reply_alone_was_wrong_has_done_what_it_should(
     assert faulty.failing(("dull",), step("measure(c)")) == "dull"
 
 
-def test_a_step_that_could_not_be_taken_is_not_completed(cell: tuple[FaultyCell, WorldState]) -> None:
+def test_a_step_that_could_not_be_taken_is_not_completed(
+    cell: tuple[FaultyCell, WorldState],
+) -> None:
     faulty, before = cell
     unfound = WorldState(frozenset(), before.reached)
     assert faulty.begun(unfound, ("silent",)) == unfound
 
 
-def test_steps_that_need_what_is_lost_fail_and_others_do_not(cell: tuple[FaultyCell, WorldState]) -> None:
+def test_steps_that_need_what_is_lost_fail_and_others_do_not(
+    cell: tuple[FaultyCell, WorldState],
+) -> None:
     faulty, _ = cell
     assert faulty.failing(("lost",), step("measure(c)")) == "lost"
     assert faulty.failing(("lost",), step("measure(a)")) == ""
 
 
-def test_work_that_a_cause_spoils_is_in_vain_while_it_is_there(cell: tuple[FaultyCell, WorldState]) -> None:
+def test_work_that_a_cause_spoils_is_in_vain_while_it_is_there(
+    cell: tuple[FaultyCell, WorldState],
+) -> None:
     faulty, before = cell
     assert faulty.failing(("worn",), step("measure(a)")) == "worn"
     assert faulty.failing(("worn",), step("mark(c)")) == ""

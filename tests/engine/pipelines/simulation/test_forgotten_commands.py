@@ -54,7 +54,11 @@ def test_only_the_last_commands_are_remembered_and_none_is_repeated(cell: Counti
     assert len(made._ended) <= 2 * KEPT + 1
     assert carried_out(made, steps) == []
     assert cell.taken == [each.action for each in steps]
-    assert [each.fate for each in made.report([1, 100, 101])] == [Fate.ENDED, Fate.ENDED, Fate.UNKNOWN]
+    assert [each.fate for each in made.report([1, 100, 101])] == [
+        Fate.ENDED,
+        Fate.ENDED,
+        Fate.UNKNOWN,
+    ]
 
 
 def test_a_wait_that_stands_in_a_queue_is_not_forgotten(cell: Counting) -> None:

@@ -10,7 +10,9 @@ def test_a_refusal_names_what_does_not_hold_and_nothing_else() -> None:
     start = dynamics.start()
     assert dynamics.refusal(step, start) == ""
     opened = dynamics.after(step, start)
-    assert dynamics.refusal(step, opened) == "its precondition does not hold: position(drawer, closed)"
+    assert (
+        dynamics.refusal(step, opened) == "its precondition does not hold: position(drawer, closed)"
+    )
 
 
 def test_a_refusal_names_the_objects_of_the_step() -> None:

@@ -1,4 +1,6 @@
-"""After a diagnosis the plan that failed is revised before anything is planned anew; what is lost goes to the sequence."""
+"""After a diagnosis the plan that failed is revised before anything is planned anew; what is
+lost goes to the sequence.
+"""
 
 import json
 from pathlib import Path
@@ -11,7 +13,10 @@ from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.model.troubleshooting import Revision
 from cellwright.engine.pipelines.inspection.tour_progress import SequenceNews
 from cellwright.engine.pipelines.planning import checked_plan, plan_objective
-from cellwright.engine.pipelines.planning.decomposition.kept_sequences import carry_on, told_of_losses
+from cellwright.engine.pipelines.planning.decomposition.kept_sequences import (
+    carry_on,
+    told_of_losses,
+)
 from cellwright.engine.pipelines.recovery.diagnosis_case import recover_goals, state_after
 from cellwright.engine.pipelines.recovery.remaining_problem import rest_after_steps
 from cellwright.engine.stages.validation.operator_semantics import Semantics
@@ -22,9 +27,7 @@ from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
-POINTS = (
-    "name,x,y,z,nx,ny,nz,kind\na,0,0,0,0,0,1,profile\nc,20,0,0,0,0,1,thickness\ng,50,0,0,0,0,1,thickness\n"
-)
+POINTS = "name,x,y,z,nx,ny,nz,kind\na,0,0,0,0,0,1,profile\nc,20,0,0,0,0,1,thickness\ng,50,0,0,0,0,1,thickness\n"
 START = "initial:\n  - at(t3_746, approach_point(rack(us_probe)))\n"
 
 
@@ -75,13 +78,17 @@ def test_where_nothing_changed_the_plan_that_failed_goes_on_as_it_was(
     assert not checked_plan.check_plan(found.problem, found.outcome.plan)
 
 
-def test_what_is_left_begins_in_the_state_that_the_steps_done_lead_to(planned: tuple[Problem, Plan]) -> None:
+def test_what_is_left_begins_in_the_state_that_the_steps_done_lead_to(
+    planned: tuple[Problem, Plan],
+) -> None:
     problem, plan = planned
     for count in range(len(plan.steps) + 1):
         now, left = rest_after_steps(problem, plan, [step.id for step in plan.steps[:count]])
         start = frozenset(Semantics(problem).initial())
         assert frozenset(now.initial) == state_after(problem, start, Plan(plan.steps[:count]))
-        assert [step.operator for step in left.steps] == [step.operator for step in plan.steps[count:]]
+        assert [step.operator for step in left.steps] == [
+            step.operator for step in plan.steps[count:]
+        ]
 
 
 def test_a_plan_whose_ground_is_gone_is_repaired_with_most_of_its_steps(
@@ -125,7 +132,16 @@ def test_a_kept_sequence_is_told_what_was_lost_and_what_the_plan_has_done(
     assert run("sequence", str(plate), "--store", store)[0] == 0
     measured = [n for n, step in enumerate(planned[1].steps) if step.operator.name == "us_measure"]
     step = str(planned[1].steps[measured[-1]].operator)
-    case = ["diagnose", str(plate), "--exception", "no_echo", "--step", step, "--hidden", "broken_probe"]
+    case = [
+        "diagnose",
+        str(plate),
+        "--exception",
+        "no_echo",
+        "--step",
+        step,
+        "--hidden",
+        "broken_probe",
+    ]
     plan = ["--recover", "--plan", str(plate.with_suffix(".json"))]
     code, out = run(*case, *plan, "--store", store, "--format", "json")
     assert code == 0, out
@@ -137,9 +153,13 @@ def test_a_kept_sequence_is_told_what_was_lost_and_what_the_plan_has_done(
     assert recovery["sequence"]["lost"] == ["us_probe"]
     assert list(recovery["sequence"]["changes"]["dropped"]) == [last]
     before = [
-        each.operator for each in planned[1].steps[: measured[-1]] if each.operator.name.endswith("measure")
+        each.operator
+        for each in planned[1].steps[: measured[-1]]
+        if each.operator.name.endswith("measure")
     ]
-    assert sorted(recovery["sequence"]["done"]) == sorted(str(each.arguments[-1]) for each in before)
+    assert sorted(recovery["sequence"]["done"]) == sorted(
+        str(each.arguments[-1]) for each in before
+    )
     assert json.loads(run("sequence", str(plate), "--store", store, "--format", "json")[1])["data"][
         "lost"
     ] == ["us_probe"]

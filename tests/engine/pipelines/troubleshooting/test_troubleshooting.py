@@ -1,4 +1,6 @@
-"""Where diagnosis meets planning: set-up costs are plans, and recovery starts from what was found out."""
+"""Where diagnosis meets planning: set-up costs are plans, and recovery starts from what was
+found out.
+"""
 
 import math
 from pathlib import Path
@@ -8,7 +10,11 @@ import pytest
 from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.model.troubleshooting import CaseHypothesis, Revision
 from cellwright.engine.pipelines.planning import checked_plan
-from cellwright.engine.pipelines.recovery.diagnosis_case import Preparations, recover_goals, state_after
+from cellwright.engine.pipelines.recovery.diagnosis_case import (
+    Preparations,
+    recover_goals,
+    state_after,
+)
 from cellwright.engine.stages.diagnosis.belief_revision import binding_of, world_revision
 from cellwright.engine.stages.diagnosis.case_session import QUESTION, CaseSession, run_session
 from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld
@@ -73,7 +79,9 @@ def test_what_no_plan_reaches_costs_infinitely(preparations: Preparations) -> No
 
 def test_situations_keep_their_numbers_when_others_join(preparations: Preparations) -> None:
     first = preparations([needs("holding(t3_746, slra)")])
-    more = preparations([needs("at(t3_746, approach_point(rack(slra)))"), needs("holding(t3_746, slra)")])
+    more = preparations(
+        [needs("at(t3_746, approach_point(rack(slra)))"), needs("holding(t3_746, slra)")]
+    )
     assert more.following[0][1] == first.following[0][0]
     assert len(more.costs) > len(first.costs)
 

@@ -1,4 +1,6 @@
-"""Recovery begins in the state in which causes, tests and repairs have left the cell; each case as a user types it."""
+"""Recovery begins in the state in which causes, tests and repairs have left the cell; each case
+as a user types it.
+"""
 
 import json
 from pathlib import Path
@@ -30,7 +32,9 @@ def plans(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return files
 
 
-def diagnosed(plans: dict[str, str], problem: str, exception: str, step: str, *more: str) -> dict[str, Any]:
+def diagnosed(
+    plans: dict[str, str], problem: str, exception: str, step: str, *more: str
+) -> dict[str, Any]:
     case = ["diagnose", problem, "--exception", exception, "--step", step, "--plan", plans[problem]]
     code, out = run(*case, "--recover", "--format", "json", *more)
     assert code == 0, out
@@ -49,7 +53,8 @@ def test_what_prepared_tests_and_repairs_is_printed_and_undone(plans: dict[str, 
     steps = [step for each in found["observations"] for step in each["steps"]]
     assert "pick_up(t3_746, slra)" in steps
     assert planned(found)[0] == "put_down(t3_746, slra)"
-    assert "apply_couplant(t3_746, m2)" in planned(found)  # nobody knows where on the part the couplant was
+    # nobody knows where on the part the couplant was
+    assert "apply_couplant(t3_746, m2)" in planned(found)
     assert planned(found)[-1] == MEASURE
 
 
@@ -63,7 +68,9 @@ def test_a_probe_picked_up_from_the_floor_is_in_the_gripper(plans: dict[str, str
 def test_only_what_held_is_restored(plans: dict[str, str]) -> None:
     more = ("--hidden", "arm_offset", "--objective", "repair")
     found = diagnosed(plans, "themse/one", "grip_failed", PICK, *more)
-    assert [atom for atom in found["restored"] if atom.startswith("at(probe_1")] == [f"at({PICK[5:]}"]
+    assert [atom for atom in found["restored"] if atom.startswith("at(probe_1")] == [
+        f"at({PICK[5:]}"
+    ]
 
 
 def test_nothing_is_tried_again_that_nobody_has_put_right(plans: dict[str, str]) -> None:
@@ -83,13 +90,17 @@ def test_a_sure_repair_comes_first(plans: dict[str, str]) -> None:
 
 
 def test_a_broken_tool_is_put_away_for_the_goals_that_are_left(plans: dict[str, str]) -> None:
-    code, out = run("revise", plans["bulkhead/both_tools"], "--lost", "us_probe", "--format", "json")
+    code, out = run(
+        "revise", plans["bulkhead/both_tools"], "--lost", "us_probe", "--format", "json"
+    )
     assert code == 0
     data = json.loads(out)["data"]
     steps = [step["operator"] for step in data["plan"]["steps"]]
     assert "put_down(t3_746, us_probe)" in steps
     assert steps[-1].startswith("laser_measure(slra")
-    assert data["revision"]["given_up"] == {"measured(us_probe, t3_746, meas(m2))": "us_probe is lost"}
+    assert data["revision"]["given_up"] == {
+        "measured(us_probe, t3_746, meas(m2))": "us_probe is lost"
+    }
 
 
 @pytest.mark.parametrize(
@@ -148,10 +159,14 @@ def test_what_a_repair_has_made_as_it_was_is_not_told(plans: dict[str, str]) -> 
     more = ("--hidden", "tool_missing", "--objective", "repair")
     found = diagnosed(plans, "bulkhead/both_tools", "tool_not_held", "pick_up(t3_746, slra)", *more)
     assert found["cured"] == "set_rack_right"
-    assert not [atom for atom in (*found["asserted"], *found["withdrawn"]) if atom.startswith("location")]
+    assert not [
+        atom for atom in (*found["asserted"], *found["withdrawn"]) if atom.startswith("location")
+    ]
 
 
-def test_a_repair_that_cannot_be_prepared_is_not_offered_but_a_person_is_asked(plans: dict[str, str]) -> None:
+def test_a_repair_that_cannot_be_prepared_is_not_offered_but_a_person_is_asked(
+    plans: dict[str, str],
+) -> None:
     """Straightening needs an empty hand, and the lid in it cannot be put down."""
     more = ("--hidden", "probe_tilted", "--objective", "repair", "--seed", "5")
     case = ["diagnose", "themse/one", "--exception", "put_blocked", "--step", "put(lid, stand)"]
@@ -159,7 +174,9 @@ def test_a_repair_that_cannot_be_prepared_is_not_offered_but_a_person_is_asked(p
     assert code == 0
     assert "straighten_probe" not in out
     assert "question" in out
-    assert "given up: cooled(probe_1, 300) of 1:probe_1: probe_tilted is there still" in " ".join(out.split())
+    assert "given up: cooled(probe_1, 300) of 1:probe_1: probe_tilted is there still" in " ".join(
+        out.split()
+    )
 
 
 def test_a_probe_is_looked_for_before_it_is_given_up(plans: dict[str, str]) -> None:
@@ -171,7 +188,9 @@ def test_a_probe_is_looked_for_before_it_is_given_up(plans: dict[str, str]) -> N
 def test_a_step_that_the_plan_does_not_have_is_named(plans: dict[str, str]) -> None:
     step = "us_measure(us_probe, t3_746, m1)"
     case = ["diagnose", "bulkhead/one_point", "--exception", "implausible_value", "--step", step]
-    result = CliRunner().invoke(app, [*case, "--plan", plans["bulkhead/one_point"], "--hidden", "part_moved"])
+    result = CliRunner().invoke(
+        app, [*case, "--plan", plans["bulkhead/one_point"], "--hidden", "part_moved"]
+    )
     assert f"the plan has no step {step}" in result.stderr
     assert f"did you mean '{MEASURE}'?" in result.stderr
 

@@ -1,4 +1,6 @@
-"""All values of a part together: bad ones are left out, dents are kept, and surfaces are judged where the part lies."""
+"""All values of a part together: bad ones are left out, dents are kept, and surfaces are judged
+where the part lies.
+"""
 
 import random
 
@@ -82,15 +84,23 @@ def test_the_mean_of_repeated_values_is_surer(plate: Problem) -> None:
     assert feature.uncertainty == pytest.approx(20.0 / 2**0.5)
 
 
-def test_without_uncertainties_the_last_value_counts_and_nothing_is_in_doubt(plate: Problem) -> None:
-    measured = [Measured(f"m{n}", "profile", 1e4 * n, "um", at_ms=k) for k in (0, 1) for n in range(36)]
+def test_without_uncertainties_the_last_value_counts_and_nothing_is_in_doubt(
+    plate: Problem,
+) -> None:
+    measured = [
+        Measured(f"m{n}", "profile", 1e4 * n, "um", at_ms=k) for k in (0, 1) for n in range(36)
+    ]
     features = found(plate, measured)
     assert [each.value for each in features.values()] == [1e4 * n for n in range(36)]
     assert not any(each.doubt or each.bad for each in features.values())
 
 
-def test_surfaces_measured_before_the_part_was_found_are_judged_where_it_lies(plate: Problem) -> None:
-    T = transform(rotation_by_vector(np.array([0.01, -0.02, 0.03])), np.array([0.001, 0.002, -0.004]))
+def test_surfaces_measured_before_the_part_was_found_are_judged_where_it_lies(
+    plate: Problem,
+) -> None:
+    T = transform(
+        rotation_by_vector(np.array([0.01, -0.02, 0.03])), np.array([0.001, 0.002, -0.004])
+    )
     lying = PartAlignment(T, 100, np.zeros(3), np.eye(6) * 1e-12)
     along = T[:3, :3] @ np.array([0.0, 0.0, 1.0])
     measured = []

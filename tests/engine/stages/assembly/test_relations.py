@@ -1,4 +1,6 @@
-"""Relations between features give the poses that a hand computes, and tell what is free, said twice or contradictory."""
+"""Relations between features give the poses that a hand computes, and tell what is free, said
+twice or contradictory.
+"""
 
 from itertools import combinations
 
@@ -20,7 +22,14 @@ from cellwright.engine.model.manipulation_values import (
 from cellwright.engine.stages.assembly.part_assembly import assemble_parts
 
 K = RelationKind
-AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
+AXES = {
+    "x": (1, 0, 0),
+    "y": (0, 1, 0),
+    "z": (0, 0, 1),
+    "-x": (-1, 0, 0),
+    "-y": (0, -1, 0),
+    "-z": (0, 0, -1),
+}
 
 
 def plane(part: str, name: str, normal: str, height: float) -> PartFeature:
@@ -31,7 +40,9 @@ def plane(part: str, name: str, normal: str, height: float) -> PartFeature:
 
 def line(part: str, name: str, along: str, point: tuple[float, float, float]) -> PartFeature:
     """An axis of a part."""
-    return PartFeature(part, name, FeatureKind.LINE, np.array(point), np.array(AXES[along], dtype=float))
+    return PartFeature(
+        part, name, FeatureKind.LINE, np.array(point), np.array(AXES[along], dtype=float)
+    )
 
 
 def point(part: str, name: str, at: tuple[float, float, float]) -> PartFeature:
@@ -110,7 +121,10 @@ def test_parallel_does_not_follow_from_itself_when_a_sense_matters() -> None:
 def test_the_smallest_contradiction_is_named() -> None:
     found = assemble_parts([*BLOCK_IN_CORNER, Relation(K.DISTANCE, BOTTOM, TOP, 0.01)], "b")
     assert isinstance(found, RelationContradiction)
-    assert {str(each) for each in found.relations} == {"a.bottom against b.top", "a.bottom distance b.top"}
+    assert {str(each) for each in found.relations} == {
+        "a.bottom against b.top",
+        "a.bottom distance b.top",
+    }
 
 
 @pytest.mark.slow
@@ -172,7 +186,9 @@ def consistent(draw: st.DrawFn) -> tuple[Floats, list[Relation]]:
         own = PartFeature("a", f"f{n}", FeatureKind.PLANE, length * normal, normal)
         outward = T[:3, :3] @ normal
         at = apply(T, own.point[None])[0] + np.cross(outward, (0.1, 0.2, 0.3))
-        other = PartFeature("b", f"g{n}", FeatureKind.PLANE, at, -outward if kind is K.AGAINST else outward)
+        other = PartFeature(
+            "b", f"g{n}", FeatureKind.PLANE, at, -outward if kind is K.AGAINST else outward
+        )
         relations.append(Relation(kind, own, other))
     return T, relations
 
@@ -189,7 +205,11 @@ def test_a_transform_is_recovered_from_relations_that_determine_it(
 
 
 @settings(max_examples=2, deadline=None)
-@given(said=consistent(), shifts=st.lists(st.floats(0.05, 0.3), min_size=2, max_size=2), at=st.integers(0, 2))
+@given(
+    said=consistent(),
+    shifts=st.lists(st.floats(0.05, 0.3), min_size=2, max_size=2),
+    at=st.integers(0, 2),
+)
 def test_no_smaller_set_of_a_contradiction_contradicts_itself(
     said: tuple[Floats, list[Relation]], shifts: list[float], at: int
 ) -> None:

@@ -1,4 +1,6 @@
-"""Troubleshooting problems to try things on: at random, and the slow, plainly correct way to solve them."""
+"""Troubleshooting problems to try things on: at random, and the slow, plainly correct way to
+solve them.
+"""
 
 import itertools
 import math
@@ -23,7 +25,9 @@ def names(count: int) -> tuple[str, ...]:
     return tuple(f"c{i}" for i in range(count))
 
 
-def certain(name: str, cost: float, outcomes: tuple[int, ...], ends: frozenset[int] = frozenset()) -> Action:
+def certain(
+    name: str, cost: float, outcomes: tuple[int, ...], ends: frozenset[int] = frozenset()
+) -> Action:
     """An action whose outcome each cause fixes."""
     kinds = max(outcomes) + 1
     rows = tuple(tuple(float(found == kind) for found in outcomes) for kind in range(kinds))
@@ -46,9 +50,14 @@ def priors(draw: st.DrawFn, causes: int) -> tuple[float, ...]:
 
 @st.composite
 def setups(draw: st.DrawFn, actions: int) -> Setup:
-    """Up to three situations, each action done in one of them; the way over a third one is never shorter."""
+    """Up to three situations, each action done in one of them; the way over a third one is
+    never shorter.
+    """
     count = draw(st.integers(1, 3))
-    ways = [[0.0 if i == j else float(draw(st.integers(0, 8))) for j in range(count)] for i in range(count)]
+    ways = [
+        [0.0 if i == j else float(draw(st.integers(0, 8))) for j in range(count)]
+        for i in range(count)
+    ]
     for middle, i, j in itertools.product(range(count), repeat=3):
         ways[i][j] = min(ways[i][j], ways[i][middle] + ways[middle][j])
     where = tuple(draw(st.lists(st.integers(0, count - 1), min_size=actions, max_size=actions)))
@@ -77,12 +86,16 @@ def isolations(draw: st.DrawFn, most: int = 6) -> Troubleshooting:
 
 @st.composite
 def troubles(draw: st.DrawFn, most: int = 4) -> Troubleshooting:
-    """Uncertain tests, repairs that may fail, and a question to a person that always ends the case."""
+    """Uncertain tests, repairs that may fail, and a question to a person that always ends the
+    case.
+    """
     causes = draw(st.integers(1, most))
     chances = st.lists(CHANCES, min_size=causes, max_size=causes).map(tuple)
     tests = [uncertain(f"t{i}", draw(COSTS), draw(chances)) for i in range(draw(st.integers(0, 3)))]
     ends = frozenset({0})
-    repairs = [uncertain(f"r{i}", draw(COSTS), draw(chances), ends) for i in range(draw(st.integers(0, 2)))]
+    repairs = [
+        uncertain(f"r{i}", draw(COSTS), draw(chances), ends) for i in range(draw(st.integers(0, 2)))
+    ]
     actions = tuple(tests + repairs)
     wrong = draw(st.sampled_from((5.0, 40.0)))
     conclusions = (*each_alone(causes, wrong), Conclusion("ask", (draw(COSTS) * 3,) * causes))
@@ -91,14 +104,20 @@ def troubles(draw: st.DrawFn, most: int = 4) -> Troubleshooting:
 
 
 def brute_force(problem: Troubleshooting) -> float:
-    """The least expected cost, by trying every action not done yet after every sequence of outcomes."""
+    """The least expected cost, by trying every action not done yet after every sequence of
+    outcomes.
+    """
     return _least(problem, np.array(problem.priors), frozenset(), 0)
 
 
-def _least(problem: Troubleshooting, weights: np.ndarray, done: frozenset[int], situation: int) -> float:
+def _least(
+    problem: Troubleshooting, weights: np.ndarray, done: frozenset[int], situation: int
+) -> float:
     best = math.inf
     for conclusion in problem.conclusions:
-        best = min(best, sum(w * loss for w, loss in zip(weights, conclusion.losses, strict=True) if w > 0))
+        best = min(
+            best, sum(w * loss for w, loss in zip(weights, conclusion.losses, strict=True) if w > 0)
+        )
     for index, action in enumerate(problem.actions):
         if index in done:
             continue

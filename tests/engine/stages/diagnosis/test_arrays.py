@@ -1,4 +1,6 @@
-"""Problems as arrays: keys without overlap, outcomes that are sure, causes that belong together, bounds of single causes."""
+"""Problems as arrays: keys without overlap, outcomes that are sure, causes that belong
+together, bounds of single causes.
+"""
 
 import itertools
 import math
@@ -7,9 +9,22 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting, field_bits
+from cellwright.engine.model.troubleshooting import (
+    Action,
+    Conclusion,
+    Setup,
+    Troubleshooting,
+    field_bits,
+)
 from cellwright.engine.stages.diagnosis import search_arrays
-from tests.engine.stages.diagnosis.cases import certain, each_alone, isolations, names, troubles, uncertain
+from tests.engine.stages.diagnosis.cases import (
+    certain,
+    each_alone,
+    isolations,
+    names,
+    troubles,
+    uncertain,
+)
 
 SOME = settings(max_examples=60, deadline=None)
 
@@ -31,10 +46,14 @@ def test_fields_of_a_key_lie_within_words_in_their_order_and_waste_no_more_than_
     )
     row = (0,) * len(actions)
     setup = Setup(((0.0,) * len(actions),) * situations, (row,) * situations)
-    made = search_arrays.belief_arrays(Troubleshooting(names(2), (0.5, 0.5), actions, each_alone(2), setup))
+    made = search_arrays.belief_arrays(
+        Troubleshooting(names(2), (0.5, 0.5), actions, each_alone(2), setup)
+    )
     free = made.situations
     assert 1 << free >= situations
-    for action, shift, width in zip(actions, made.shifts.tolist(), made.widths.tolist(), strict=True):
+    for action, shift, width in zip(
+        actions, made.shifts.tolist(), made.widths.tolist(), strict=True
+    ):
         assert width == field_bits(action)
         if not width:
             continue
@@ -61,7 +80,9 @@ def test_an_outcome_is_shown_for_sure_or_not_at_all(problem: Troubleshooting) ->
 
 def test_uncertain_actions_show_nothing_and_have_fields() -> None:
     actions = (certain("sure", 1.0, (0, 1)), uncertain("vague", 1.0, (0.3, 1.0)))
-    made = search_arrays.belief_arrays(Troubleshooting(names(2), (0.5, 0.5), actions, each_alone(2)))
+    made = search_arrays.belief_arrays(
+        Troubleshooting(names(2), (0.5, 0.5), actions, each_alone(2))
+    )
     assert made.shown.tolist() == [[0, 1], [-1, -1]]
     assert made.widths.tolist() == [0, 2]
 
@@ -74,11 +95,15 @@ def test_uncertain_actions_show_nothing_and_have_fields() -> None:
     )
 )
 @SOME
-def test_causes_belong_together_that_some_conclusions_join(drawn: tuple[int, list[set[int]]]) -> None:
+def test_causes_belong_together_that_some_conclusions_join(
+    drawn: tuple[int, list[set[int]]],
+) -> None:
     """Groups are the parts that hang together; the plain way walks from cause to cause."""
     count, shared = drawn
     conclusions = tuple(
-        Conclusion(str(sorted(own)), tuple(0.0 if cause in own else math.inf for cause in range(count)))
+        Conclusion(
+            str(sorted(own)), tuple(0.0 if cause in own else math.inf for cause in range(count))
+        )
         for own in [{cause} for cause in range(count)] + shared
     )
     actions = (certain("all", 1.0, tuple(range(count))),)

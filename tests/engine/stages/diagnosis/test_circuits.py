@@ -73,7 +73,9 @@ def test_no_fewer_gates_explain_the_outputs(circuit: Circuit, data: st.DataObjec
 @given(circuits())
 def test_a_gate_is_top_level_if_no_other_stands_on_all_its_ways(circuit: Circuit) -> None:
     ways = {name: _ways(circuit, name) for name in circuit.gates}
-    expected = {name for name, found in ways.items() if found and set.intersection(*found) == {name}}
+    expected = {
+        name for name, found in ways.items() if found and set.intersection(*found) == {name}
+    }
     assert top_level(circuit) == expected
 
 
@@ -87,7 +89,8 @@ def _ways(circuit: Circuit, name: str) -> list[set[str]]:
 
 
 @given(
-    st.integers(0, 31), st.sets(st.sampled_from(["10", "11", "16", "19", "22", "23"]), min_size=1, max_size=3)
+    st.integers(0, 31),
+    st.sets(st.sampled_from(["10", "11", "16", "19", "22", "23"]), min_size=1, max_size=3),
 )
 @settings(deadline=None)
 def test_injected_inversions_bound_the_diagnosis(vector: int, flipped: set[str]) -> None:

@@ -1,4 +1,6 @@
-"""A session's own decisions: which repairs it offers, what it asks a person, and what the answers do."""
+"""A session's own decisions: which repairs it offers, what it asks a person, and what the
+answers do.
+"""
 
 import random
 from dataclasses import dataclass, field
@@ -125,7 +127,9 @@ def test_an_answer_that_was_not_offered_is_no_answer() -> None:
 
 def test_the_stage_of_a_question_shows_the_belief_before_it() -> None:
     (stage,) = told(pump(tests=()), "something else").stages
-    assert dict(stage.belief) == pytest.approx({"leak": 0.5, "jam": 0.25, "rust": 0.125, "fog": 0.125})
+    assert dict(stage.belief) == pytest.approx(
+        {"leak": 0.5, "jam": 0.25, "rust": 0.125, "fog": 0.125}
+    )
     assert stage.advice == CaseAdvice(None, None, 90.0, 90.0, True)
     assert stage.cost == 90.0
 
@@ -164,7 +168,9 @@ def test_when_nothing_alone_explains_what_was_seen_sets_of_causes_do() -> None:
     for name, said in (("listen", "loud"), ("look", "wet")):
         actions = [action.name for action in session.case.problem.actions]
         index = actions.index(name)
-        session.observe(index, session.case.problem.actions[index].outcomes.index(said), session.advice())
+        session.observe(
+            index, session.case.problem.actions[index].outcomes.index(said), session.advice()
+        )
     assert session.belief()[0][0] == CaseHypothesis(("jam", "leak"))
     assert session.case.problem.actions == ()
     assert session.diagnosis().cost == 3.0
@@ -186,10 +192,15 @@ def test_a_repair_that_cures_several_causes_finishes_the_case_without_telling_wh
 
 
 def test_the_likeliest_explanations_are_kept() -> None:
-    """The leak explains what was seen; so does rust, the likelier cause, but only if the look was wrong."""
+    """The leak explains what was seen; so does rust, the likelier cause, but only if the look
+    was wrong.
+    """
     seen = [Observation("look", "wet")]
     every = explain_observations(pump(), {"leak": 0.4, "rust": 0.6}, seen)
-    assert [h for h, _ in every] == [CaseHypothesis(("leak",)), CaseHypothesis(("rust",), ("look",))]
+    assert [h for h, _ in every] == [
+        CaseHypothesis(("leak",)),
+        CaseHypothesis(("rust",), ("look",)),
+    ]
     assert explain_observations(pump(), {"leak": 0.4, "rust": 0.6}, seen, most=1) == [
         (CaseHypothesis(("leak",)), 1.0)
     ]
@@ -202,7 +213,9 @@ def test_a_cause_that_never_happens_explains_nothing() -> None:
 
 @dataclass
 class Helper:
-    """Prepares tests and repairs, except what is out of reach, at a cost of 4; notes what was done."""
+    """Prepares tests and repairs, except what is out of reach, at a cost of 4; notes what was
+    done.
+    """
 
     out_of_reach: tuple[str, ...] = ()
     done: list[tuple[str, str]] = field(default_factory=list)
@@ -222,7 +235,8 @@ GO = Step(StepId(1), Function("go"))
 def test_what_comes_before_a_test_is_done_and_paid_with_it() -> None:
     helper = Helper()
     made = run_session(
-        CaseSession(pump(), "halt", hands=helper), lambda action, _: {"look": "wet"}.get(action.name)
+        CaseSession(pump(), "halt", hands=helper),
+        lambda action, _: {"look": "wet"}.get(action.name),
     )
     assert helper.done == [("look", "wet")]
     assert [(stage.cost, stage.steps) for stage in made.stages] == [(2.0 + 4.0, (GO,))]
@@ -246,7 +260,8 @@ def test_a_hidden_world_answers_tests_by_their_chances_and_questions_truly() -> 
     often = FaultTest("often", "", 1, ("no", "yes"), "no", {"leak": {"no": 0.25, "yes": 0.75}})
     model = pump(SEAL, FREE, tests=(often,))
     said = [
-        HiddenWorld(model, CaseHypothesis(("leak",)), random.Random(n)).answer("often") for n in range(400)
+        HiddenWorld(model, CaseHypothesis(("leak",)), random.Random(n)).answer("often")
+        for n in range(400)
     ]
     assert said.count("yes") == pytest.approx(300, abs=30)
     world = HiddenWorld(model, CaseHypothesis(("leak",)))

@@ -65,7 +65,9 @@ def _ruled(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
         groups = search_arrays.cause_groups(known)
     for rule in rollout.RULES.values():
         yield rollout.greedy(beliefs, groups, trail, 0, rule)
-        yield rollout.follow(beliefs, groups, modules["memo"].Memo(1 << 12, 0, width), trail, 0, rule)
+        yield rollout.follow(
+            beliefs, groups, modules["memo"].Memo(1 << 12, 0, width), trail, 0, rule
+        )
     bases = tuple(modules["memo"].Memo(1 << 12, 0, width) for _ in range(3))
     yield rollout.look_ahead(beliefs, groups, bases, trail, 0, 2, math.inf)
     groups.limit(1, 0.2)

@@ -1,4 +1,6 @@
-"""Fault knowledge as probabilities: worked cases of every product, and Bayes' rule by brute force over random fault bases."""
+"""Fault knowledge as probabilities: worked cases of every product, and Bayes' rule by brute
+force over random fault bases.
+"""
 
 import itertools
 import math
@@ -48,23 +50,35 @@ GAUGE = FaultTest(
 def test_several_causes_disturb_a_test_by_a_noisy_or(
     causes: tuple[str, ...], fine: float, low: float, high: float
 ) -> None:
-    found = [outcome_likelihood(GAUGE, outcome, CaseHypothesis(causes)) for outcome in GAUGE.outcomes]
+    found = [
+        outcome_likelihood(GAUGE, outcome, CaseHypothesis(causes)) for outcome in GAUGE.outcomes
+    ]
     assert found == pytest.approx([fine, low, high])
 
 
 def test_a_test_that_lies_says_anything() -> None:
     lying = CaseHypothesis(("leak",), ("gauge",))
-    assert [outcome_likelihood(GAUGE, outcome, lying) for outcome in GAUGE.outcomes] == pytest.approx(
-        [1 / 3] * 3
-    )
-    assert outcome_likelihood(GAUGE, "fine", CaseHypothesis(("leak",), ("other",))) == pytest.approx(0.4)
+    assert [
+        outcome_likelihood(GAUGE, outcome, lying) for outcome in GAUGE.outcomes
+    ] == pytest.approx([1 / 3] * 3)
+    assert outcome_likelihood(
+        GAUGE, "fine", CaseHypothesis(("leak",), ("other",))
+    ) == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize(
     ("causes", "chance"),
-    [(("leak",), 0.5), (("leak", "jam"), 0.4), (("leak", "rust"), 0.0), (("rust",), 0.0), ((), 1.0)],
+    [
+        (("leak",), 0.5),
+        (("leak", "jam"), 0.4),
+        (("leak", "rust"), 0.0),
+        (("rust",), 0.0),
+        ((), 1.0),
+    ],
 )
-def test_a_repair_cures_if_it_puts_every_cause_right(causes: tuple[str, ...], chance: float) -> None:
+def test_a_repair_cures_if_it_puts_every_cause_right(
+    causes: tuple[str, ...], chance: float
+) -> None:
     repair = Repair("mend", "", 1, {"leak": 0.5, "jam": 0.8})
     assert cure_chance(repair, CaseHypothesis(causes)) == pytest.approx(chance)
 
@@ -120,14 +134,18 @@ def joint(model: FaultModel, seen: list[Observation], hypothesis: CaseHypothesis
     weight *= model.lies ** len(hypothesis.lies)
     for each in seen:
         if each.action == "mend":
-            weight *= 1.0 - math.prod(model.repairs["mend"].cures.get(c, 0.0) for c in hypothesis.causes)
+            weight *= 1.0 - math.prod(
+                model.repairs["mend"].cures.get(c, 0.0) for c in hypothesis.causes
+            )
         else:
             weight *= seen_so(model.tests[each.action], each.outcome, hypothesis)
     return weight
 
 
 def seen_so(test: FaultTest, outcome: str, hypothesis: CaseHypothesis) -> float:
-    """A noisy-or: nothing shows if no cause disturbs; else each outcome by its share in what the causes may show."""
+    """A noisy-or: nothing shows if no cause disturbs; else each outcome by its share in what
+    the causes may show.
+    """
     if test.name in hypothesis.lies:
         return 1 / len(test.outcomes)
     rows = [test.gives.get(cause, {test.otherwise: 1.0}) for cause in hypothesis.causes]
@@ -158,7 +176,9 @@ def test_explanations_are_the_minimal_ones_with_the_probabilities_of_bayes(
     minimal = [h for h in explaining if not any(_less(other, h) for other in explaining)]
     total = sum(joint(model, seen, each) for each in minimal)
     found = explain_observations(model, model.priors("halt"), seen)
-    assert {h: p for h, p in found} == pytest.approx({h: joint(model, seen, h) / total for h in minimal})
+    assert {h: p for h, p in found} == pytest.approx(
+        {h: joint(model, seen, h) / total for h in minimal}
+    )
     assert [p for _, p in found] == sorted((p for _, p in found), reverse=True)
 
 
@@ -180,7 +200,10 @@ def test_a_belief_is_that_of_bayes_after_every_outcome(
         if each.action not in names:
             continue
         past.append(each)
-        alone = {CaseHypothesis((cause,)): joint(model, past, CaseHypothesis((cause,))) for cause in CAUSES}
+        alone = {
+            CaseHypothesis((cause,)): joint(model, past, CaseHypothesis((cause,)))
+            for cause in CAUSES
+        }
         if not any(alone.values()):
             return
         action = names.index(each.action)
@@ -189,7 +212,9 @@ def test_a_belief_is_that_of_bayes_after_every_outcome(
         total = sum(alone.values())
         expected = {h: w / total for h, w in alone.items() if w > 0.0}
         assert dict(session.belief()) == pytest.approx(expected)
-        assert [p for _, p in session.belief()] == pytest.approx(sorted(expected.values(), reverse=True))
+        assert [p for _, p in session.belief()] == pytest.approx(
+            sorted(expected.values(), reverse=True)
+        )
 
 
 # Which actions a case has.
@@ -202,7 +227,9 @@ def base(**tests: FaultTest) -> FaultModel:
         {name: Cause(name, "") for name in ("leak", "jam", "rust", "cut")},
         {"gauge": GAUGE, **tests},
         {
-            "mend": Repair("mend", "", 7, {"leak": 0.5, "jam": 1.0}, preconditions=(Function("near"),)),
+            "mend": Repair(
+                "mend", "", 7, {"leak": 0.5, "jam": 1.0}, preconditions=(Function("near"),)
+            ),
             "splice": Repair("splice", "", 9, {"cut": 1.0}),
             "hope": Repair("hope", "", 1, {"leak": 0.0}),
         },
@@ -224,7 +251,9 @@ def test_a_case_has_the_tests_that_tell_and_the_repairs_that_serve_its_causes() 
     assert tests.priors == pytest.approx((4 / 7, 2 / 7, 1 / 7))
     both = open_case(model, "halt", CaseObjective.REPAIR).problem
     assert [action.name for action in both.actions] == ["gauge", "sharp", "mend"]
-    assert open_case(model, "halt", counts={"rust": 7.0}).problem.priors == pytest.approx((0.1, 0.1, 0.8))
+    assert open_case(model, "halt", counts={"rust": 7.0}).problem.priors == pytest.approx(
+        (0.1, 0.1, 0.8)
+    )
 
 
 def test_the_rows_of_a_test_are_its_likelihoods_and_those_of_a_repair_its_cures() -> None:
@@ -249,7 +278,9 @@ def test_to_isolate_is_to_conclude_what_is_sure_and_to_repair_is_to_end_or_to_st
 
 
 def test_causes_that_no_test_surely_tells_apart_are_concluded_together_through_others() -> None:
-    """The gauge leaves leak and rust possible together, and jam and rust; so all three are one group."""
+    """The gauge leaves leak and rust possible together, and jam and rust; so all three are one
+    group.
+    """
     inf = math.inf
     alone = open_case(base(), "halt").problem.conclusions
     assert [each.losses for each in alone][3:] == [(0.0, 0.0, 0.0)]
@@ -283,7 +314,9 @@ def test_what_cannot_be_set_up_is_left_out() -> None:
 @pytest.mark.parametrize("frequent", CAUSES)
 def test_the_most_frequent_of_causes_that_explain_alike_is_found_first(frequent: str) -> None:
     """Where one explanation is all that is asked for, it is the most probable one."""
-    table = FaultTest("t", "", 1, ("usual", "odd"), "usual", {cause: {"odd": 1.0} for cause in CAUSES})
+    table = FaultTest(
+        "t", "", 1, ("usual", "odd"), "usual", {cause: {"odd": 1.0} for cause in CAUSES}
+    )
     counts = {cause: 90.0 if cause == frequent else 3.0 for cause in CAUSES}
     model = FaultModel(
         "three",

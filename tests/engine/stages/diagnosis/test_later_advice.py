@@ -1,4 +1,6 @@
-"""Advice in the middle of a case, advice in haste, and advice of a selector that was asked before."""
+"""Advice in the middle of a case, advice in haste, and advice of a selector that was asked
+before.
+"""
 
 import math
 
@@ -38,14 +40,22 @@ def still_open(selector: ActionSelector, standing: CaseStanding) -> list[int]:
 
 def leaves(tree: Tree) -> list[Conclude]:
     """All ends of a tree."""
-    return [tree] if isinstance(tree, Conclude) else [e for _, after in tree.branches for e in leaves(after)]
+    return (
+        [tree]
+        if isinstance(tree, Conclude)
+        else [e for _, after in tree.branches for e in leaves(after)]
+    )
 
 
 def cost_of_stopping(selector: ActionSelector, standing: CaseStanding) -> float:
-    """What the best conclusion loses; infinite if there is none, or the cause is not sure enough for any."""
+    """What the best conclusion loses; infinite if there is none, or the cause is not sure
+    enough for any.
+    """
     weights = selector.weights(standing)
     losses = [
-        sum(loss * weight for loss, weight in zip(each.losses, weights, strict=True) if weight > 0.0)
+        sum(
+            loss * weight for loss, weight in zip(each.losses, weights, strict=True) if weight > 0.0
+        )
         for each in selector.problem.conclusions
     ]
     return min(losses, default=math.inf) / float(weights.sum())
@@ -66,7 +76,9 @@ def test_bounds_and_costs_hold_on_the_way(problem: Troubleshooting, steps: st.Da
 
 @given(isolations(5) | troubles(3), st.data())
 @SOME
-def test_a_tree_from_the_way_shares_out_what_is_left(problem: Troubleshooting, steps: st.DataObject) -> None:
+def test_a_tree_from_the_way_shares_out_what_is_left(
+    problem: Troubleshooting, steps: st.DataObject
+) -> None:
     selector = ActionSelector(problem)
     tree = selector.tree(on_the_way(selector, steps))
     assert tree.probability == pytest.approx(1.0)
@@ -120,7 +132,9 @@ def test_advice_in_haste_is_bounded_by_what_the_causes_would_cost_if_they_were_k
         certain("tighten", 3.0, (0, 1), frozenset({0})),
         certain("replace", 5.0, (1, 0), frozenset({0})),
     )
-    selector = ActionSelector(Troubleshooting(names(2), (0.5, 0.5), repairs), interrupted=lambda: True)
+    selector = ActionSelector(
+        Troubleshooting(names(2), (0.5, 0.5), repairs), interrupted=lambda: True
+    )
     advice = selector.advise(selector.start())
     assert advice.bound == pytest.approx(4.0)
     assert advice.action is not None

@@ -1,4 +1,6 @@
-"""What a belief says of the world model: doubts, what is withdrawn and asserted, what is restored and lost."""
+"""What a belief says of the world model: doubts, what is withdrawn and asserted, what is
+restored and lost.
+"""
 
 from dataclasses import replace
 
@@ -34,7 +36,10 @@ MODEL = FaultModel(
     "shelf",
     {
         "missing": Interruption(
-            "missing", "", dict.fromkeys(("fell", "slipped", "dark"), 1.0), Function("take", (ITEM, P))
+            "missing",
+            "",
+            dict.fromkeys(("fell", "slipped", "dark"), 1.0),
+            Function("take", (ITEM, P)),
         ),
         "halt": Interruption("halt", "", {"dark": 1.0}),
     },
@@ -71,7 +76,9 @@ BINDING = {ITEM: BOLT, P: BIN}
 def made(*hypotheses: tuple[str, ...], isolated: bool | None = None) -> CaseDiagnosis:
     """A diagnosis that leaves these sets of causes, equally probable."""
     belief = tuple((CaseHypothesis(causes), 1 / len(hypotheses)) for causes in hypotheses)
-    return CaseDiagnosis("missing", (), belief, 0.0, len(hypotheses) == 1 if isolated is None else isolated)
+    return CaseDiagnosis(
+        "missing", (), belief, 0.0, len(hypotheses) == 1 if isolated is None else isolated
+    )
 
 
 def names(pairs: tuple[tuple[Atom, str], ...]) -> dict[str, str]:
@@ -121,7 +128,8 @@ def test_the_cause_that_was_found_withdraws_asserts_and_loses() -> None:
     assert names(found.withdrawn) == {"at(bolt, bin)": "fell: it fell"}
     assert names(found.asserted) == {"at(bolt, floor)": "fell: it fell"}
     assert found.lost == ("bolt",)
-    assert names(found.restored) == {"lit": "dark is ruled out"}  # held is doubted by what was found
+    # held is doubted by what was found
+    assert names(found.restored) == {"lit": "dark is ruled out"}
 
 
 def test_two_causes_withdraw_what_each_of_them_does() -> None:
@@ -156,7 +164,12 @@ def test_what_a_person_has_put_right_is_not_lost() -> None:
 
 def test_the_interrupted_step_presupposes_what_its_operator_needs_to_be_true() -> None:
     needs = And(
-        (Literal(at(X, Y)), Literal(held(X), False), Comparison(X, "!=", Y), Literal(Function("lit")))
+        (
+            Literal(at(X, Y)),
+            Literal(held(X), False),
+            Comparison(X, "!=", Y),
+            Literal(Function("lit")),
+        )
     )
     take = Operator("take", (Parameter(X, "item"), Parameter(Y, "place")), needs, ())
     give = Operator("give", (), ALWAYS_TRUE, ())

@@ -1,4 +1,6 @@
-"""The searches by themselves: which one a problem gets, limits, budgets, interruptions, rules and their tables."""
+"""The searches by themselves: which one a problem gets, limits, budgets, interruptions, rules
+and their tables.
+"""
 
 import math
 
@@ -6,7 +8,13 @@ import pytest
 from hypothesis import given, settings
 
 from cellwright.engine.kernels.cancellation import Interrupted, Poll, never
-from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting, expected_cost
+from cellwright.engine.model.troubleshooting import (
+    Action,
+    Conclusion,
+    Setup,
+    Troubleshooting,
+    expected_cost,
+)
 from cellwright.engine.stages.diagnosis import action_selection, search_arrays
 from cellwright.engine.stages.diagnosis.action_selection import (
     BASE_RULES,
@@ -32,7 +40,9 @@ LOOK, LISTEN = certain("look", 1.0, (0, 1)), certain("listen", 2.0, (1, 0))
 GUESS = uncertain("guess", 1.0, (0.5, 0.25))
 
 
-def searcher(problem: Troubleshooting, expansions: int, interrupted: Interrupted = never) -> Searcher:
+def searcher(
+    problem: Troubleshooting, expansions: int, interrupted: Interrupted = never
+) -> Searcher:
     return action_selection.make_searcher(
         problem, search_arrays.belief_arrays(problem), expansions, Poll(interrupted)
     )
@@ -45,13 +55,19 @@ def partitioned(problem: Troubleshooting) -> bool:
 SIGNATURES = ("00000", "01001", "00110", "10011", "11000", "11110")
 
 
-def two_causes(*actions: Action, wrong: float = math.inf, setup: Setup | None = None) -> Troubleshooting:
+def two_causes(
+    *actions: Action, wrong: float = math.inf, setup: Setup | None = None
+) -> Troubleshooting:
     return Troubleshooting(names(2), (0.5, 0.5), actions, each_alone(2, wrong), setup)
 
 
 def six_causes() -> Troubleshooting:
-    tests = (certain(f"t{test}", 1.0, tuple(int(each[test]) for each in SIGNATURES)) for test in range(5))
-    return Troubleshooting(names(6), (0.70, 0.01, 0.02, 0.10, 0.05, 0.12), tuple(tests), each_alone(6))
+    tests = (
+        certain(f"t{test}", 1.0, tuple(int(each[test]) for each in SIGNATURES)) for test in range(5)
+    )
+    return Troubleshooting(
+        names(6), (0.70, 0.01, 0.02, 0.10, 0.05, 0.12), tuple(tests), each_alone(6)
+    )
 
 
 # Which search a problem gets.
@@ -101,7 +117,9 @@ def test_a_table_has_at_most_so_many_states(monkeypatch: pytest.MonkeyPatch) -> 
 
 @given(isolations(5) | troubles(3))
 @SOME
-def test_a_value_below_the_limit_is_exact_and_any_other_is_a_bound(problem: Troubleshooting) -> None:
+def test_a_value_below_the_limit_is_exact_and_any_other_is_a_bound(
+    problem: Troubleshooting,
+) -> None:
     optimum, weights = brute_force(problem), search_arrays.prior_weights(problem)
 
     def fresh() -> list[Searcher]:
@@ -121,7 +139,9 @@ def test_a_value_below_the_limit_is_exact_and_any_other_is_a_bound(problem: Trou
 def searched(expansions: int = ENOUGH, interrupted: bool = False) -> tuple[float, bool, int]:
     """The value of the six causes, whether it is proved, and the expansions."""
     search = searcher(six_causes(), ENOUGH, (lambda: True) if interrupted else never)
-    return *search.value(search_arrays.prior_weights(six_causes()), 0, math.inf, expansions), search.spent
+    return *search.value(
+        search_arrays.prior_weights(six_causes()), 0, math.inf, expansions
+    ), search.spent
 
 
 def test_a_search_ends_when_its_budget_is_spent() -> None:
@@ -181,7 +201,9 @@ def test_a_rule_stops_where_going_on_costs_no_less(loss: float, stops: bool) -> 
 
 def test_short_tables_change_no_advice() -> None:
     """Forty causes that six tests tell apart bit by bit: more states than a table of 64 holds."""
-    tests = tuple(certain(f"bit{n}", 1.0 + n, tuple(each >> n & 1 for each in range(40))) for n in range(6))
+    tests = tuple(
+        certain(f"bit{n}", 1.0 + n, tuple(each >> n & 1 for each in range(40))) for n in range(6)
+    )
     problem = Troubleshooting(names(40), (1 / 40,) * 40, tests, each_alone(40))
     ample, cramped = ActionSelector(problem, 0), ActionSelector(problem, 0)
     cramped._bases = (Memo(1 << 6, 0), Memo(1 << 6, 0), Memo(1 << 6, 0))
@@ -229,7 +251,9 @@ def test_a_rule_stops_where_stopping_is_what_it_expects_though_sums_are_rounded(
 
 
 def test_a_comparison_that_the_budget_ends_gives_lower_bounds() -> None:
-    """Six causes, told apart two by two: with no expansions nothing is proved, with enough everything."""
+    """Six causes, told apart two by two: with no expansions nothing is proved, with enough
+    everything.
+    """
     causes = 6
     pairs = [tuple(int(cause in (a, a + 1)) for cause in range(causes)) for a in range(causes - 1)]
     actions = tuple(certain(f"t{n}", 1.0 + n / 7, row) for n, row in enumerate(pairs))
@@ -245,4 +269,6 @@ def test_a_comparison_that_the_budget_ends_gives_lower_bounds() -> None:
     bounds, costs = hasty.compare(hasty.start(), every), thorough.compare(thorough.start(), every)
     assert all(exact for _, _, exact in costs)
     assert not any(exact for _, _, exact in bounds)
-    assert all(low <= cost * (1 + 1e-9) for (_, low, _), (_, cost, _) in zip(bounds, costs, strict=True))
+    assert all(
+        low <= cost * (1 + 1e-9) for (_, low, _), (_, cost, _) in zip(bounds, costs, strict=True)
+    )

@@ -16,7 +16,11 @@ from cellwright.engine.model.troubleshooting import (
     expected_cost,
 )
 from cellwright.engine.stages.diagnosis import search_arrays
-from cellwright.engine.stages.diagnosis.action_selection import BASE_RULES, ActionSelector, BranchAndBound
+from cellwright.engine.stages.diagnosis.action_selection import (
+    BASE_RULES,
+    ActionSelector,
+    BranchAndBound,
+)
 from cellwright.engine.stages.diagnosis.hidden_cause import simulated_cost
 from tests.engine.stages.diagnosis.cases import (
     brute_force,
@@ -59,7 +63,9 @@ def test_the_six_state_table_costs_2_18_and_begins_with_the_second_test() -> Non
 
 def test_the_second_and_the_fourth_test_tie() -> None:
     selector = ActionSelector(six_states())
-    costs = {action: cost for action, cost, _ in selector.compare(selector.start(), (0, 1, 2, 3, 4))}
+    costs = {
+        action: cost for action, cost, _ in selector.compare(selector.start(), (0, 1, 2, 3, 4))
+    }
     assert costs[1] == pytest.approx(costs[3])
     assert min(costs[0], costs[2], costs[4]) > costs[1] + 0.1
 
@@ -105,7 +111,9 @@ def test_beliefs_are_searched_exactly(problem: Troubleshooting, bounded: bool) -
 
 @settings(max_examples=100, deadline=None)
 @given(isolations(5) | troubles())
-def test_a_spent_budget_leaves_a_true_bound_and_a_cost_that_is_reached(problem: Troubleshooting) -> None:
+def test_a_spent_budget_leaves_a_true_bound_and_a_cost_that_is_reached(
+    problem: Troubleshooting,
+) -> None:
     selector, optimum = ActionSelector(problem, expansions=1), brute_force(problem)
     advice = selector.advise(selector.start())
     assert advice.bound <= optimum + 1e-9
@@ -125,9 +133,9 @@ def test_no_rule_is_cheaper_than_the_optimum(problem: Troubleshooting) -> None:
 @settings(max_examples=60, deadline=None)
 @given(isolations() | troubles())
 def test_the_probabilities_of_the_leaves_sum_to_one(problem: Troubleshooting) -> None:
-    assert math.fsum(leaf.probability for leaf in _leaves(ActionSelector(problem).tree())) == pytest.approx(
-        1.0
-    )
+    assert math.fsum(
+        leaf.probability for leaf in _leaves(ActionSelector(problem).tree())
+    ) == pytest.approx(1.0)
 
 
 @settings(max_examples=20, deadline=None)
@@ -166,10 +174,14 @@ def _leaves(tree: Tree) -> list[Conclude]:
 
 @settings(max_examples=40, deadline=None)
 @given(isolations(6) | troubles())
-def test_neither_a_small_table_nor_short_slices_change_the_optimum(problem: Troubleshooting) -> None:
+def test_neither_a_small_table_nor_short_slices_change_the_optimum(
+    problem: Troubleshooting,
+) -> None:
     cramped = ActionSelector(problem)
     beliefs = cramped.exact.beliefs
-    cramped.exact = BranchAndBound(beliefs, search_arrays.cause_set_arrays(problem, beliefs), length=1 << 6)
+    cramped.exact = BranchAndBound(
+        beliefs, search_arrays.cause_set_arrays(problem, beliefs), length=1 << 6
+    )
     weights, rest = search_arrays.prior_weights(problem), 0
     value, proved = cramped.exact.value(weights, rest, math.inf, 100_000)
     assert proved

@@ -5,7 +5,12 @@ import random
 
 import pytest
 
-from cellwright.engine.model.troubleshooting import CaseDiagnosis, CaseHypothesis, Observation, expected_cost
+from cellwright.engine.model.troubleshooting import (
+    CaseDiagnosis,
+    CaseHypothesis,
+    Observation,
+    expected_cost,
+)
 from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
 from cellwright.engine.stages.diagnosis.belief_revision import (
     assertion_certainties,
@@ -18,7 +23,11 @@ from cellwright.engine.stages.diagnosis.case_session import (
     explain_observations,
     run_session,
 )
-from cellwright.engine.stages.diagnosis.fault_problems import CaseObjective, open_case, outcome_likelihood
+from cellwright.engine.stages.diagnosis.fault_problems import (
+    CaseObjective,
+    open_case,
+    outcome_likelihood,
+)
 from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld, draw_cause, simulated_cost
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import bundled_domains
@@ -26,7 +35,9 @@ from cellwright.kb.loader.fault_base import load_faults
 from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.terms import Function
 
-MODELS = {name: load_faults(bundled_domains()[name] / "domain.yaml")[0] for name in ("bulkhead", "themse")}
+MODELS = {
+    name: load_faults(bundled_domains()[name] / "domain.yaml")[0] for name in ("bulkhead", "themse")
+}
 RAISED = [
     (name, e, c)
     for name, model in MODELS.items()
@@ -135,7 +146,9 @@ def test_outcomes_of_several_causes_are_a_distribution() -> None:
 def test_a_repair_that_cures_ends_the_case() -> None:
     model = MODELS["themse"]
     world = HiddenWorld(model, CaseHypothesis(("arm_offset",)))
-    made = run_session(CaseSession(model, "grip_failed", CaseObjective.REPAIR), lambda a, _: world.respond(a))
+    made = run_session(
+        CaseSession(model, "grip_failed", CaseObjective.REPAIR), lambda a, _: world.respond(a)
+    )
     assert made.cured == "reference_arm"
     assert made.hypotheses[0][0] == CaseHypothesis(("arm_offset",))
 
@@ -146,7 +159,9 @@ def test_an_exception_makes_the_assertions_of_its_causes_uncertain() -> None:
     belief = CaseSession(model, "implausible_value").belief()
     certain = assertion_certainties(model, belief, binding)
     wet = step("couplant_applied(goal_point(meas(m1)))")
-    assert certain[wet] == pytest.approx(1.0 - model.priors("implausible_value")["missing_couplant"])
+    assert certain[wet] == pytest.approx(
+        1.0 - model.priors("implausible_value")["missing_couplant"]
+    )
 
 
 def test_the_isolated_cause_withdraws_and_the_others_restore() -> None:
@@ -162,11 +177,15 @@ def test_the_isolated_cause_withdraws_and_the_others_restore() -> None:
 
 
 def stopped(*answers: str) -> CaseDiagnosis:
-    """A case of a cause that nobody in the cell can repair, and what the person answers who is asked."""
+    """A case of a cause that nobody in the cell can repair, and what the person answers who is
+    asked.
+    """
     model, replies = MODELS["bulkhead"], iter(answers)
     world = HiddenWorld(model, CaseHypothesis(("rough_surface",)))
     session = CaseSession(model, "implausible_value")
-    return run_session(session, lambda a, _: next(replies, None) if a.name == QUESTION else world.respond(a))
+    return run_session(
+        session, lambda a, _: next(replies, None) if a.name == QUESTION else world.respond(a)
+    )
 
 
 def test_where_nothing_helps_a_person_is_asked_one_question() -> None:
@@ -193,7 +212,8 @@ def test_an_answer_among_several_causes_settles_which() -> None:
 def test_the_repair_that_serves_most_of_what_is_possible_comes_first() -> None:
     model = MODELS["bulkhead"]
     made = run_session(
-        CaseSession(model, "tool_not_held"), lambda a, _: "normal" if a.name == "read_pressure" else None
+        CaseSession(model, "tool_not_held"),
+        lambda a, _: "normal" if a.name == "read_pressure" else None,
     )
     assert not made.isolated
     assert made.repairs[0] == "set_rack_right"

@@ -1,4 +1,6 @@
-"""What is done with decision trees: following one with each cause gives, on average, what it is expected to cost."""
+"""What is done with decision trees: following one with each cause gives, on average, what it is
+expected to cost.
+"""
 
 import math
 import random
@@ -17,7 +19,9 @@ MANY = settings(max_examples=60, deadline=None)
 
 @given(isolations(5) | troubles())
 @MANY
-def test_a_tree_costs_under_its_own_beliefs_what_it_is_expected_to_cost(problem: Troubleshooting) -> None:
+def test_a_tree_costs_under_its_own_beliefs_what_it_is_expected_to_cost(
+    problem: Troubleshooting,
+) -> None:
     selector = ActionSelector(problem)
     tree = selector.tree()
     assert cost_under(problem, tree) == pytest.approx(expected_cost(tree))
@@ -28,11 +32,15 @@ def test_a_tree_costs_under_its_own_beliefs_what_it_is_expected_to_cost(problem:
 def test_a_tree_costs_under_other_beliefs_the_mean_of_its_cases(
     problem: Troubleshooting, data: st.DataObject
 ) -> None:
-    """Tests are certain, so that each cause leads to one leaf; set-up costs are those that the tree was made for."""
+    """Tests are certain, so that each cause leads to one leaf; set-up costs are those that the
+    tree was made for.
+    """
     tree = ActionSelector(problem).tree()
     other = data.draw(priors(len(problem.causes)))
     costs = [cost_of_case(problem, tree, cause, random.Random(0)) for cause in range(len(other))]
-    changed = Troubleshooting(problem.causes, other, problem.actions, problem.conclusions, problem.setup)
+    changed = Troubleshooting(
+        problem.causes, other, problem.actions, problem.conclusions, problem.setup
+    )
     assert cost_under(changed, tree) == pytest.approx(
         math.fsum(p * c for p, c in zip(other, costs, strict=True))
     )
@@ -40,7 +48,9 @@ def test_a_tree_costs_under_other_beliefs_the_mean_of_its_cases(
 
 @given(troubles(3), st.sampled_from(list(BASE_RULES)))
 @settings(max_examples=10, deadline=None)
-def test_cases_that_are_drawn_cost_on_average_what_is_expected(problem: Troubleshooting, rule: str) -> None:
+def test_cases_that_are_drawn_cost_on_average_what_is_expected(
+    problem: Troubleshooting, rule: str
+) -> None:
     selector, chance = ActionSelector(problem), random.Random(1)
     tree = selector.tree(choose=selector.rule(rule))
     drawn = [simulated_cost(problem, tree, chance) for _ in range(3000)]

@@ -1,4 +1,6 @@
-"""Problems with more causes than a machine word has bits, and with more uncertain tests than fit into one."""
+"""Problems with more causes than a machine word has bits, and with more uncertain tests than
+fit into one.
+"""
 
 import math
 import random
@@ -8,7 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.troubleshooting import Action, CaseHypothesis, Troubleshooting, expected_cost
+from cellwright.engine.model.troubleshooting import (
+    Action,
+    CaseHypothesis,
+    Troubleshooting,
+    expected_cost,
+)
 from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
 from cellwright.engine.stages.diagnosis.case_session import CaseSession, run_session
 from cellwright.engine.stages.diagnosis.fault_problems import CaseObjective
@@ -38,10 +45,14 @@ def widened(problem: Troubleshooting) -> Troubleshooting:
         return tuple(found)
 
     actions = tuple(
-        replace(a, likelihoods=tuple(spread(row, float(o == 0)) for o, row in enumerate(a.likelihoods)))
+        replace(
+            a, likelihoods=tuple(spread(row, float(o == 0)) for o, row in enumerate(a.likelihoods))
+        )
         for a in problem.actions
     )
-    conclusions = tuple(replace(c, losses=spread(c.losses, c.losses[0])) for c in problem.conclusions)
+    conclusions = tuple(
+        replace(c, losses=spread(c.losses, c.losses[0])) for c in problem.conclusions
+    )
     return replace(
         problem,
         causes=names(WIDE),
@@ -82,7 +93,8 @@ def test_the_optimum_does_not_depend_on_the_number_of_uncertain_tests(
 @pytest.mark.parametrize(("bits", "causes"), [(6, 64), (7, 128), (9, 512)])
 def test_halving_isolates_each_of_many_causes(bits: int, causes: int) -> None:
     tests = tuple(
-        certain(f"bit{bit}", 1.0, tuple(cause >> bit & 1 for cause in range(causes))) for bit in range(bits)
+        certain(f"bit{bit}", 1.0, tuple(cause >> bit & 1 for cause in range(causes)))
+        for bit in range(bits)
     )
     selector = ActionSelector(
         Troubleshooting(names(causes), (1.0 / causes,) * causes, tests, each_alone(causes)), 1
@@ -106,7 +118,9 @@ def test_what_is_too_large_for_a_proof_has_a_bound_that_holds(seed: int) -> None
 
 
 def model(causes: int, tests: int, unsure: int = 0) -> FaultModel:
-    """A fault base in which the tests spell the number of the cause; `unsure` of them are right nine times of ten."""
+    """A fault base in which the tests spell the number of the cause; `unsure` of them are right
+    nine times of ten.
+    """
     order = [f"c{number}" for number in range(causes)]
     made = {
         f"t{bit}": FaultTest(
@@ -125,10 +139,14 @@ def model(causes: int, tests: int, unsure: int = 0) -> FaultModel:
     }
     repairs = {f"r{c}": Repair(f"r{c}", "", 5, {c: 1.0}) for c in order}
     known = {c: Cause(c, "") for c in order}
-    return FaultModel("d", {"e": Interruption("e", "", dict.fromkeys(order, 1.0))}, known, made, repairs)
+    return FaultModel(
+        "d", {"e": Interruption("e", "", dict.fromkeys(order, 1.0))}, known, made, repairs
+    )
 
 
-@pytest.mark.parametrize(("causes", "tests", "unsure"), [(63, 9, 0), (200, 9, 0), (500, 9, 0), (100, 12, 3)])
+@pytest.mark.parametrize(
+    ("causes", "tests", "unsure"), [(63, 9, 0), (200, 9, 0), (500, 9, 0), (100, 12, 3)]
+)
 def test_each_of_many_causes_is_isolated(causes: int, tests: int, unsure: int) -> None:
     base = model(causes, tests, unsure)
     hidden = CaseHypothesis((f"c{causes - 1}",))
@@ -140,7 +158,9 @@ def test_each_of_many_causes_is_isolated(causes: int, tests: int, unsure: int) -
 @pytest.mark.slow
 def test_a_pair_of_many_causes_is_explained() -> None:
     base = model(100, 9)
-    base = replace(base, tests={**base.tests, "both": FaultTest("both", "", 1, ("no", "yes"), "no", {})})
+    base = replace(
+        base, tests={**base.tests, "both": FaultTest("both", "", 1, ("no", "yes"), "no", {})}
+    )
     made = run_session(
         CaseSession(base, "e", CaseObjective.REPAIR, expansions=0),
         _answers(base, CaseHypothesis(("c1", "c64"))),

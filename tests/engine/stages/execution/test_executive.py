@@ -13,7 +13,10 @@ from cellwright.engine.stages.execution import Activity, ActivityProgram, Dwell
 
 @dataclass
 class Bench:
-    """Devices that do what they are told; those with a queue one after another. `lasts` overrides forecasts."""
+    """Devices that do what they are told; those with a queue one after another.
+
+    `lasts` overrides forecasts.
+    """
 
     program: ActivityProgram
     lasts: dict[int, int] = field(default_factory=dict)
@@ -70,7 +73,9 @@ class Bench:
     def run(self, until: int | None = None) -> None:
         while self.ends or x.next_time(self.program, self.standing) is not None:
             due = x.next_time(self.program, self.standing)
-            times = [each for each in (self.ends[0][0] if self.ends else None, due) if each is not None]
+            times = [
+                each for each in (self.ends[0][0] if self.ends else None, due) if each is not None
+            ]
             if until is not None and min(times) > until:
                 self.now = until
                 return
@@ -115,7 +120,9 @@ def programs(draw: st.DrawFn, queues: bool = False) -> ActivityProgram:
 
 
 def broken(bench: Bench) -> str:
-    """What is wrong with what happened; nothing if every order was kept and no resource was held twice."""
+    """What is wrong with what happened; nothing if every order was kept and no resource was
+    held twice.
+    """
     for each in bench.program.activities.values():
         if each.id not in bench.ended:
             return f"{each.id} has not ended"
@@ -124,7 +131,8 @@ def broken(bench: Bench) -> str:
         for other in bench.program.activities.values():
             shared = set(each.resources) & set(other.resources)
             apart = (
-                bench.ended[each.id] <= bench.begun[other.id] or bench.ended[other.id] <= bench.begun[each.id]
+                bench.ended[each.id] <= bench.begun[other.id]
+                or bench.ended[other.id] <= bench.begun[each.id]
             )
             if other.id != each.id and shared and not apart:
                 return f"{each.id} and {other.id} held {shared} at once"
@@ -133,7 +141,9 @@ def broken(bench: Bench) -> str:
 
 @given(programs(), st.lists(st.integers(0, 40), min_size=9, max_size=9))
 @settings(max_examples=150, deadline=None)
-def test_every_order_is_kept_however_long_steps_take(made: ActivityProgram, lasts: list[int]) -> None:
+def test_every_order_is_kept_however_long_steps_take(
+    made: ActivityProgram, lasts: list[int]
+) -> None:
     bench = Bench(made, dict(enumerate(lasts, 1)))
     bench.take(x.Began())
     bench.run()
@@ -214,7 +224,11 @@ def test_a_hand_that_is_full_and_waits_for_a_process_is_not_a_pause() -> None:
     bench.now = 2
     bench.take(x.Interrupted())
     bench.run(until=100)
-    assert (bench.standing.phase, sorted(bench.begun), bench.ended[3]) == (RunPhase.PAUSED, [1, 2, 3], 55)
+    assert (bench.standing.phase, sorted(bench.begun), bench.ended[3]) == (
+        RunPhase.PAUSED,
+        [1, 2, 3],
+        55,
+    )
 
 
 def test_a_hand_that_is_full_and_waits_for_its_time_is_not_a_pause() -> None:
@@ -230,7 +244,9 @@ def test_a_hand_that_is_full_and_waits_for_its_time_is_not_a_pause() -> None:
 
 def test_a_stop_halts_at_once_and_nothing_begins_any_more() -> None:
     bench = Bench(
-        program(Activity(1, "a", "arm", 5, (), ("arm",)), Activity(2, "b", "arm", 5, (1,), ("arm",), 5))
+        program(
+            Activity(1, "a", "arm", 5, (), ("arm",)), Activity(2, "b", "arm", 5, (1,), ("arm",), 5)
+        )
     )
     bench.take(x.Began())
     bench.now = 1

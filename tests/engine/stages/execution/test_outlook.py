@@ -1,4 +1,6 @@
-"""Starts are forecast as far as their accuracy warrants: intervals that hold, that grow, and that end at a horizon."""
+"""Starts are forecast as far as their accuracy warrants: intervals that hold, that grow, and
+that end at a horizon.
+"""
 
 import random
 from functools import reduce
@@ -31,7 +33,9 @@ def fresh(program: ActivityProgram) -> x.ExecutiveState:
 def known(spread: float, count: int, seed: int) -> Accuracy:
     chance = random.Random(seed)
     shares = (chance.uniform(-spread, spread) for _ in range(count))
-    return reduce(lambda so_far, share: so_far.after(round(1e6 * (1 + share)), 10**6), shares, Accuracy())
+    return reduce(
+        lambda so_far, share: so_far.after(round(1e6 * (1 + share)), 10**6), shares, Accuracy()
+    )
 
 
 def test_the_interval_grows_with_the_steps_and_the_seconds_ahead() -> None:
@@ -74,13 +78,16 @@ def test_behind_the_horizon_no_start_is_told_and_none_before_it_is_too_uncertain
     windows = list(forecast_starts(program, fresh(program), known(0.2, count, 1), 30_000).values())
     told = [each for each in windows if each is not None]
     assert windows[: len(told)] == told  # of a chain, the first ones
-    assert all(each.off_ms <= 30_000 and each.low_ms <= each.start_ms <= each.high_ms for each in told)
+    assert all(
+        each.off_ms <= 30_000 and each.low_ms <= each.start_ms <= each.high_ms for each in told
+    )
 
 
 def test_about_95_of_100_starts_are_in_their_intervals() -> None:
     """Two arms that meet at an oven, with durations that vary evenly by 20 %: run, and compare."""
     steps = [
-        Activity(n, f"s{n}", "a", 9_000 + 700 * n, (n - 1,) if n > 1 else (), ("a",), n) for n in range(1, 9)
+        Activity(n, f"s{n}", "a", 9_000 + 700 * n, (n - 1,) if n > 1 else (), ("a",), n)
+        for n in range(1, 9)
     ]
     steps += [
         Activity(10 + n, f"t{n}", "b", 8_000 + 900 * n, (9 + n,) if n > 1 else (n,), ("b",), n)
@@ -102,10 +109,19 @@ def test_about_95_of_100_starts_are_in_their_intervals() -> None:
 
 
 def begun(program: ActivityProgram, seed: int) -> dict[int, int]:
-    """When each activity begins if each lasts between 0.8 and 1.2 of its forecast: plainly, one after another."""
-    chance, ends, free, starts = random.Random(seed), dict[int, int](), dict[str, int](), dict[int, int]()
+    """When each activity begins if each lasts between 0.8 and 1.2 of its forecast: plainly, one
+    after another.
+    """
+    chance, ends, free, starts = (
+        random.Random(seed),
+        dict[int, int](),
+        dict[str, int](),
+        dict[int, int](),
+    )
     for each in program.activities.values():
-        starts[each.id] = max([0, *(ends[b] for b in each.after), *(free.get(r, 0) for r in each.resources)])
+        starts[each.id] = max(
+            [0, *(ends[b] for b in each.after), *(free.get(r, 0) for r in each.resources)]
+        )
         ends[each.id] = starts[each.id] + round(each.lasts_ms * chance.uniform(0.8, 1.2))
         free |= dict.fromkeys(each.resources, ends[each.id])
     return starts

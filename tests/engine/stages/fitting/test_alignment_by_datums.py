@@ -1,4 +1,6 @@
-"""Parts aligned by datums: wrong ones are found, errors are as large as stated, and what cannot be told is refused."""
+"""Parts aligned by datums: wrong ones are found, errors are as large as stated, and what cannot
+be told is refused.
+"""
 
 from dataclasses import replace
 
@@ -22,11 +24,17 @@ def displaced(random: np.random.Generator) -> Floats:
     """A displacement of up to 30 mm and 5 degrees."""
     turn, shift = random.normal(size=3), random.normal(size=3)
     turn *= np.radians(random.uniform(0, 5)) / np.linalg.norm(turn)
-    return transform(rotation_by_vector(turn), shift * random.uniform(0, 0.03) / np.linalg.norm(shift))
+    return transform(
+        rotation_by_vector(turn), shift * random.uniform(0, 0.03) / np.linalg.norm(shift)
+    )
 
 
-def measured(random: np.random.Generator, T: Floats, count: int = 24, whole: bool = False) -> Datums:
-    """Datums all over a part of 5 m by 2 m, measured where the beam meets their surfaces, or as points of the part."""
+def measured(
+    random: np.random.Generator, T: Floats, count: int = 24, whole: bool = False
+) -> Datums:
+    """Datums all over a part of 5 m by 2 m, measured where the beam meets their surfaces, or as
+    points of the part.
+    """
     nominal = random.uniform([-2.5, -1.0, 0.0], [2.5, 1.0, 0.5], (count, 3))
     normals = np.eye(3)[np.arange(count) % 3] * random.choice([-1.0, 1.0], (count, 1))
     points = apply(T, nominal) + random.normal(0.0, SIGMA_M, (count, 3))

@@ -1,4 +1,6 @@
-"""Where beams meet shapes, and fits along beams: agreement with closed forms, and no bias by the square of the noise."""
+"""Where beams meet shapes, and fits along beams: agreement with closed forms, and no bias by
+the square of the noise.
+"""
 
 import numpy as np
 import pytest
@@ -15,7 +17,9 @@ RADIUS = 0.01
 
 
 def beams(most: float) -> Floats:
-    """Unit vectors (n, 3) about z, those that meet the ball off its middle by at most `most` of its radius."""
+    """Unit vectors (n, 3) about z, those that meet the ball off its middle by at most `most` of
+    its radius.
+    """
     u, v = np.meshgrid(np.linspace(-0.07, 0.07, 41), np.linspace(-0.07, 0.07, 41))
     rays = np.stack([u.ravel(), v.ravel(), np.ones(u.size)], axis=1)
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -56,7 +60,11 @@ def test_feet_lie_on_the_shape(shape: FitShape, angle: float) -> None:
 
 def test_a_beam_that_misses_has_not_hit() -> None:
     there = beam_hits(
-        FitShape.SPHERE, np.array([[0.0, 2 * RADIUS, 0.0]]), np.array([[0.0, 0.0, 1.0]]), RADIUS, 0.0
+        FitShape.SPHERE,
+        np.array([[0.0, 2 * RADIUS, 0.0]]),
+        np.array([[0.0, 0.0, 1.0]]),
+        RADIUS,
+        0.0,
     )
     assert not there.hit.any()
     assert np.isfinite(there.behind_m).all()
@@ -69,7 +77,9 @@ def test_which_points_are_known_does_not_depend_on_their_ranges() -> None:
     for sigma in (0.0, 5e-5):
         points = rays * (ranges(rays) + random.normal(0.0, 1.0, len(rays)) * sigma)[:, None]
         each = np.full(len(rays), 1e-4)
-        known.append(narrow_beams(FitShape.SPHERE, Cloud(points, each, rays, each, 0.4 * each), at)[1])
+        known.append(
+            narrow_beams(FitShape.SPHERE, Cloud(points, each, rays, each, 0.4 * each), at)[1]
+        )
     assert (
         known[0] == known[1]
     ).mean() > 0.99  # close to the rim of the ball, a noisy point may lead to no foot

@@ -1,4 +1,6 @@
-"""Datums that are measured again: as many as needed and no more, where they help, or none if that would not do."""
+"""Datums that are measured again: as many as needed and no more, where they help, or none if
+that would not do.
+"""
 
 import numpy as np
 import pytest
@@ -30,7 +32,9 @@ def known_to(found: Alignment) -> float:
 
 def test_what_is_known_well_enough_needs_no_look() -> None:
     datums, found = measured()
-    assert count_further_looks(found, datums, datums.sigma_m, PLACES, known_to(found) * 1.001, 9) == {}
+    assert (
+        count_further_looks(found, datums, datums.sigma_m, PLACES, known_to(found) * 1.001, 9) == {}
+    )
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -60,7 +64,9 @@ def test_fewer_looks_are_chosen_than_the_same_number_at_each_takes() -> None:
 
 def test_what_no_number_of_looks_can_reach_is_refused() -> None:
     datums, found = measured()
-    assert count_further_looks(found, datums, datums.sigma_m, PLACES, 0.1 * known_to(found), 5) is None
+    assert (
+        count_further_looks(found, datums, datums.sigma_m, PLACES, 0.1 * known_to(found), 5) is None
+    )
 
 
 def test_wrong_datums_are_not_looked_at() -> None:

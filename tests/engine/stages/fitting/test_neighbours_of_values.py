@@ -1,4 +1,6 @@
-"""What neighbours let expect: smooth surfaces are explained, bad values are not, and few neighbours tell nothing."""
+"""What neighbours let expect: smooth surfaces are explained, bad values are not, and few
+neighbours tell nothing.
+"""
 
 import numpy as np
 import pytest
@@ -50,7 +52,9 @@ def test_points_of_another_side_are_no_neighbours() -> None:
 @pytest.mark.parametrize("count", [0, 1, LEAST])
 def test_few_neighbours_tell_nothing(count: int) -> None:
     points, normals = surface(count, 4)
-    found = expect_deviations(points, normals, np.zeros(count), np.ones(count), np.ones(count, bool))
+    found = expect_deviations(
+        points, normals, np.zeros(count), np.ones(count), np.ones(count, bool)
+    )
     assert not found.known.any()
     assert (found.off(np.full(count, 99.0), np.ones(count)) == 0).all()
 

@@ -1,10 +1,18 @@
-"""Shapes through measured points: errors are as large as the stated uncertainty says, whatever some points do."""
+"""Shapes through measured points: errors are as large as the stated uncertainty says, whatever
+some points do.
+"""
 
 import numpy as np
 import pytest
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.kernels.rigid import apply, inverse, rotation_by_vector, transform, translation
+from cellwright.engine.kernels.rigid import (
+    apply,
+    inverse,
+    rotation_by_vector,
+    transform,
+    translation,
+)
 from cellwright.engine.model.shape_fits import SHAPE_PARAMETERS, Cloud, Fit, FitShape, Unfitted
 from cellwright.engine.stages.fitting.shape_distances import (
     distance_normals,
@@ -128,7 +136,9 @@ def test_what_cannot_be_fitted_is_told() -> None:
     line = np.outer(np.linspace(0.0, 1.0, 50), [1.0, 2.0, 3.0])
     assert _reason(FitShape.PLANE, Cloud(line, np.full(50, SIGMA_M)))
     noisy = 0.01 * line + random.normal(0.0, SIGMA_M, line.shape)
-    assert "its direction is known to" in _reason(FitShape.PLANE, Cloud(noisy, np.full(50, SIGMA_M)))
+    assert "its direction is known to" in _reason(
+        FitShape.PLANE, Cloud(noisy, np.full(50, SIGMA_M))
+    )
     assert "not a number" in _reason(FitShape.PLANE, Cloud(np.full((9, 3), np.nan), np.ones(9)))
     assert "more than 0" in _reason(FitShape.PLANE, Cloud(flat, np.zeros(200)))
 
@@ -176,15 +186,32 @@ def exact(shape: FitShape, T: Floats, random: np.random.Generator, noise_m: floa
 LYING = transform(rotation_by_vector(np.array([0.0, np.pi / 2, 0.0])), (0.0, 0.0, 0.0))
 OFF = [
     (FitShape.CYLINDER, FitShape.CYLINDER, translation(0.03, 0.04, 0.02), 0.05, "of the axes"),
-    (FitShape.CYLINDER, FitShape.SPHERE, translation(0.03, 0.04, 0.02), 0.05, "of the centre from the axis"),
-    (FitShape.SPHERE, FitShape.CYLINDER, translation(0.03, 0.04, 0.02), 0.05, "of the centre from the axis"),
-    (FitShape.CIRCLE, FitShape.CYLINDER, translation(0.0, 0.04, 0.02), 0.04, "of the centre from the axis"),
+    (FitShape.CYLINDER, FitShape.SPHERE, translation(0.03, 0.04, 0.02), 0.05, "of the centre from "
+    "the "
+    "axis"),
+    (FitShape.SPHERE, FitShape.CYLINDER, translation(0.03, 0.04, 0.02), 0.05, "of the centre from "
+    "the "
+    "axis"),
+    (FitShape.CIRCLE, FitShape.CYLINDER, translation(0.0, 0.04, 0.02), 0.04, "of the centre from "
+    "the "
+    "axis"),
     (FitShape.CYLINDER, FitShape.CYLINDER, translation(0.03, 0.04, 0.02) @ LYING, None, ""),
-    (FitShape.PLANE, FitShape.CYLINDER, translation(0.03, 0.04, 0.02) @ LYING, 0.02, "of the axis from the plane"),
-    (FitShape.CYLINDER, FitShape.PLANE, translation(0.02, 0.04, 0.0) @ LYING, 0.02, "of the axis from the plane"),
+    (FitShape.PLANE, FitShape.CYLINDER, translation(0.03, 0.04, 0.02) @ LYING, 0.02, "of the axis "
+    "from "
+    "the "
+    "plane"),
+    (FitShape.CYLINDER, FitShape.PLANE, translation(0.02, 0.04, 0.0) @ LYING, 0.02, "of the axis "
+    "from "
+    "the "
+    "plane"),
     (FitShape.PLANE, FitShape.CYLINDER, translation(0.03, 0.04, 0.02), None, ""),
-    (FitShape.PLANE, FitShape.PLANE, translation(0.03, 0.04, 0.02), 0.02, "of the second's middle from the first plane"),
-    (FitShape.PLANE, FitShape.SPHERE, translation(0.03, 0.04, 0.02), 0.02, "of the centre from the plane"),
+    (FitShape.PLANE, FitShape.PLANE, translation(0.03, 0.04, 0.02), 0.02, "of the second's middle "
+    "from "
+    "the "
+    "first "
+    "plane"),
+    (FitShape.PLANE, FitShape.SPHERE, translation(0.03, 0.04, 0.02), 0.02, "of the centre from the "
+    "plane"),
     (FitShape.SPHERE, FitShape.CIRCLE, translation(0.03, 0.04, 0.12), 0.13, "of the centres"),
 ]  # fmt: skip
 
@@ -210,7 +237,9 @@ def test_distances_from_axes_err_as_stated(pair: int) -> None:
     random, errors = np.random.default_rng(9), []
     for _ in range(60):
         at = pose(random)
-        found = relate_fits(exact(one, at, random, SIGMA_M), exact(other, at @ T, random, SIGMA_M))[0]
+        found = relate_fits(exact(one, at, random, SIGMA_M), exact(other, at @ T, random, SIGMA_M))[
+            0
+        ]
         errors.append((found.value - (apart or 0.0)) / found.sigma)
     assert np.mean(np.abs(errors) < 1.96) >= 0.85
     assert 0.75 < np.std(errors) < 1.3

@@ -1,4 +1,6 @@
-"""What a wide beam tells on a shape, beside the mean over very many thin beams, weighed by what each returns."""
+"""What a wide beam tells on a shape, beside the mean over very many thin beams, weighed by what
+each returns.
+"""
 
 import numpy as np
 import pytest
@@ -28,7 +30,9 @@ def test_the_rule_is_exact_to_the_fifth_order() -> None:
         (5, 0): 0,
     }
     for (p, q), exact in moments.items():
-        assert FAN_WEIGHTS @ (FAN_NODES[:, 0] ** p * FAN_NODES[:, 1] ** q) == pytest.approx(exact, abs=1e-12)
+        assert FAN_WEIGHTS @ (FAN_NODES[:, 0] ** p * FAN_NODES[:, 1] ** q) == pytest.approx(
+            exact, abs=1e-12
+        )
 
 
 def posed(shape: FitShape) -> ShapeGuess:
@@ -54,7 +58,9 @@ def ranges(shape: FitShape, at: ShapeGuess, rays: Floats) -> tuple[Floats, Float
     return found, np.abs(there.facing) / found**2
 
 
-@pytest.mark.parametrize("shape", [FitShape.PLANE, FitShape.SPHERE, FitShape.CYLINDER, FitShape.CONE])
+@pytest.mark.parametrize(
+    "shape", [FitShape.PLANE, FitShape.SPHERE, FitShape.CYLINDER, FitShape.CONE]
+)
 def test_ranges_of_wide_beams_become_those_of_thin_ones(shape: FitShape) -> None:
     at, random = posed(shape), np.random.default_rng(1)
     places = random.uniform(-0.02, 0.02, (12, 2))

@@ -10,5 +10,7 @@ def is_rigid(T: Floats, tolerance: float = 1e-9) -> bool:
     R = T[..., :3, :3]
     orthogonal = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max() <= tolerance
     return bool(
-        orthogonal and np.all(np.linalg.det(R) > 0) and np.abs(T[..., 3, :] - [0, 0, 0, 1]).max() <= tolerance
+        orthogonal
+        and np.all(np.linalg.det(R) > 0)
+        and np.abs(T[..., 3, :] - [0, 0, 0, 1]).max() <= tolerance
     )

@@ -38,7 +38,9 @@ def test_the_right_solver_is_read_off_the_axes(models: dict[str, ArmModel]) -> N
     assert {name: InverseKinematics(model).solver for name, model in models.items()} == SOLVERS
 
 
-def test_forward_kinematics_is_the_product_of_the_published_table(models: dict[str, ArmModel]) -> None:
+def test_forward_kinematics_is_the_product_of_the_published_table(
+    models: dict[str, ArmModel],
+) -> None:
     """The Puma's table multiplied out here, entry by entry."""
     q = np.array([0.3, -0.4, 0.5, 0.6, 0.7, -0.8])
     a, d = [0, 0.4318, 0.0203, 0, 0, 0], [0.6718, 0, 0.15, 0.4318, 0, 0]
@@ -77,7 +79,9 @@ def test_a_pose_out_of_reach_has_no_solution(model: ArmModel) -> None:
 
 
 def test_singular_configurations_have_solutions_that_reach(model: ArmModel) -> None:
-    special = np.array(np.meshgrid(*[[0.0, math.pi / 2, -math.pi / 2, math.pi]] * 5)).reshape(5, -1).T
+    special = (
+        np.array(np.meshgrid(*[[0.0, math.pi / 2, -math.pi / 2, math.pi]] * 5)).reshape(5, -1).T
+    )
     q = np.column_stack([np.full(len(special), 0.3), special])
     poses = model.flange_pose(q)
     found = InverseKinematics(model).solve(poses)
@@ -98,7 +102,9 @@ def test_a_batch_answers_as_single_poses_do(model: ArmModel, rng: np.random.Gene
         assert np.abs(model.jacobian(q)[n] - model.jacobian(q[n])).max() < 1e-15
 
 
-def test_the_jacobian_is_the_derivative_of_the_pose(model: ArmModel, rng: np.random.Generator) -> None:
+def test_the_jacobian_is_the_derivative_of_the_pose(
+    model: ArmModel, rng: np.random.Generator
+) -> None:
     q, step = model.random(20, rng), 1e-6
     J = model.jacobian(q)
     for joint in range(6):
@@ -109,10 +115,14 @@ def test_the_jacobian_is_the_derivative_of_the_pose(model: ArmModel, rng: np.ran
         assert np.abs(slope - J[:, :, joint]).max() < 1e-8
 
 
-def test_the_compiled_forward_kinematics_agrees_with_numpy(model: ArmModel, rng: np.random.Generator) -> None:
+def test_the_compiled_forward_kinematics_agrees_with_numpy(
+    model: ArmModel, rng: np.random.Generator
+) -> None:
     joints, q = model.joints, model.random(50, rng)
     out = np.empty((50, 7, 3, 4))
-    place_batch(Mechanism(joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic), q, out)
+    place_batch(
+        Mechanism(joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic), q, out
+    )
     assert np.abs(out - carrier_poses(joints, q)[:, :, :3]).max() < 1e-14
 
 
@@ -133,7 +143,9 @@ def test_an_arm_without_a_closed_form_is_searched(rng: np.random.Generator) -> N
     joints = []
     for number in range(6):
         turn = (float(rng.uniform(-1.5, 1.5)), float(rng.uniform(-1.5, 1.5)), 0.0)
-        joints.append(Joint(f"j{number}", (Pose((0.1, 0.05 * number, 0.3), turn),), lower=-3.0, upper=3.0))
+        joints.append(
+            Joint(f"j{number}", (Pose((0.1, 0.05 * number, 0.3), turn),), lower=-3.0, upper=3.0)
+        )
     model = arm_of(*joints)
     solver = InverseKinematics(model)
     assert solver.solver is InverseSolver.ITERATIVE
@@ -156,15 +168,21 @@ def test_prismatic_joints_move_along_their_axis() -> None:
 @pytest.mark.parametrize("oblique", [0.3, 1.1, math.pi / 2])
 def test_wrists_of_any_angle_are_one_case(oblique: float, rng: np.random.Generator) -> None:
     right = math.pi / 2
-    turned = [Pose((0.0, 0.0, 0.4), (right, 0, 0)), Pose((0.5, 0, 0.1)), Pose((0.1, 0, 0.0), (right, 0, 0))]
+    turned = [
+        Pose((0.0, 0.0, 0.4), (right, 0, 0)),
+        Pose((0.5, 0, 0.1)),
+        Pose((0.1, 0, 0.0), (right, 0, 0)),
+    ]
     wrist = [Pose((0.0, 0.0, 0.6), (oblique, 0, 0)), Pose((0, 0, 0), (-oblique, 0, 0))]
     origins = [(), *((pose,) for pose in (*turned, *wrist))]
-    model = arm_of(*(Joint(f"j{n}", origin, lower=-3.1, upper=3.1) for n, origin in enumerate(origins)))
+    model = arm_of(
+        *(Joint(f"j{n}", origin, lower=-3.1, upper=3.1) for n, origin in enumerate(origins))
+    )
     q = model.random(500, rng)
     found = InverseKinematics(model).solve(model.flange_pose(q))
-    nearest = np.where(found.valid, np.abs(wrap_angles(found.q - q[:, None])).max(axis=-1), np.inf).min(
-        axis=1
-    )
+    nearest = np.where(
+        found.valid, np.abs(wrap_angles(found.q - q[:, None])).max(axis=-1), np.inf
+    ).min(axis=1)
     regular = np.linalg.svd(model.jacobian(q), compute_uv=False)[:, -1] > 1e-3
     assert InverseKinematics(model).solver is InverseSolver.SPHERICAL_WRIST
     assert nearest[regular].max() < 1e-6
@@ -214,7 +232,9 @@ IIWA: tuple[Row, ...] = (
 
 
 def recall(model: ArmModel, q: Floats, **asked: Floats) -> float:
-    """Of how many configurations the one that a pose was made from is found; every answer takes its pose."""
+    """Of how many configurations the one that a pose was made from is found; every answer takes
+    its pose.
+    """
     poses = model.flange_pose(q)
     found = InverseKinematics(model).solve(poses, **asked)
     row, branch = np.nonzero(found.valid)
@@ -227,7 +247,10 @@ def recall(model: ArmModel, q: Floats, **asked: Floats) -> float:
 def test_branches_near_a_straight_wrist_are_found(
     model: ArmModel, bend: float, rng: np.random.Generator
 ) -> None:
-    """Where the angle is nearly 0 its cosine tells nothing. At 1e-8 the pose itself has the other angles to 1e-8 alone."""
+    """Where the angle is nearly 0 its cosine tells nothing.
+
+    At 1e-8 the pose itself has the other angles to 1e-8 alone.
+    """
     q = model.random(2000, rng)
     q[:, 4] = bend
     assert recall(model, q) > (0.94 if abs(bend) < 1e-7 else 0.99)
@@ -235,16 +258,33 @@ def test_branches_near_a_straight_wrist_are_found(
 
 def test_the_ur5_finds_its_branches_near_a_straight_wrist(models: dict[str, ArmModel]) -> None:
     assert (
-        recall(models["ur5"], np.array([[-2.762443, 0.171536, -0.243985, -2.625903, 1e-8, 2.115797]])) == 1.0
+        recall(
+            models["ur5"], np.array([[-2.762443, 0.171536, -0.243985, -2.625903, 1e-8, 2.115797]])
+        )
+        == 1.0
     )
 
 
 @pytest.mark.parametrize(
     "rows",
     [
-        ((0, 0, 0.4), (-RIGHT, 0, 0), (RIGHT, 0.1, 0.5), (-RIGHT, -0.05, 0.1), (RIGHT, 0, 0), (-RIGHT, 0, 0)),
+        (
+            (0, 0, 0.4),
+            (-RIGHT, 0, 0),
+            (RIGHT, 0.1, 0.5),
+            (-RIGHT, -0.05, 0.1),
+            (RIGHT, 0, 0),
+            (-RIGHT, 0, 0),
+        ),
         ((0, 0, 0.4), (-1.1, 0, 0), (0.9, 0.3, 0.1), (-RIGHT, 0.1, 0.5), (1.0, 0, 0), (-1.0, 0, 0)),
-        ((0, 0, 0), (-RIGHT, 0, 0), (RIGHT, 0, 0), (0.7, 0.3, 0.2), (-RIGHT, 0.2, 0.5), (1.2, 0, 0)),
+        (
+            (0, 0, 0),
+            (-RIGHT, 0, 0),
+            (RIGHT, 0, 0),
+            (0.7, 0.3, 0.2),
+            (-RIGHT, 0.2, 0.5),
+            (1.2, 0, 0),
+        ),
     ],
     ids=["right angles", "oblique", "from the hand to the base"],
 )
@@ -260,7 +300,14 @@ def test_two_axes_that_meet_and_a_spherical_wrist_have_a_closed_form(
 @pytest.mark.parametrize(
     "rows",
     [
-        ((0, 0, 0.4), (-1.2, 0.15, 0.1), (0.8, 0.4, 0.1), (-RIGHT, 0.1, 0.5), (RIGHT, 0, 0), (-RIGHT, 0, 0)),
+        (
+            (0, 0, 0.4),
+            (-1.2, 0.15, 0.1),
+            (0.8, 0.4, 0.1),
+            (-RIGHT, 0.1, 0.5),
+            (RIGHT, 0, 0),
+            (-RIGHT, 0, 0),
+        ),
         (
             (0, 0, 0.3),
             (1.1, 0.2, 0.1),
@@ -301,7 +348,9 @@ def test_the_redundancy_of_seven_joints_is_a_parameter(
 
 
 @pytest.mark.parametrize("entry", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_has_no_branches_and_keeps_no_limits(model: ArmModel, entry: float) -> None:
+def test_what_is_no_number_has_no_branches_and_keeps_no_limits(
+    model: ArmModel, entry: float
+) -> None:
     q = np.zeros((2, 6))
     poses = model.flange_pose(q + 0.3)
     poses[1, 0, 3] = entry
@@ -333,7 +382,9 @@ def test_arrays_of_another_width_are_refused(model: ArmModel) -> None:
 def test_published_limits_lie_around_the_arm_that_is_stretched_upward(
     models: dict[str, ArmModel], name: str
 ) -> None:
-    """Shoulder and elbow may turn as far to the one side as to the other, and the elbow never folds wholly."""
+    """Shoulder and elbow may turn as far to the one side as to the other, and the elbow never
+    folds wholly.
+    """
     model = models[name]
     lower, upper = model.joints.lower, model.joints.upper
     straight = np.zeros(6)

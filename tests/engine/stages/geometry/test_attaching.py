@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker, allow_contacts, attach_body
+from cellwright.engine.stages.geometry.collision.builtin import (
+    BuiltinChecker,
+    allow_contacts,
+    attach_body,
+)
 from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
 from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
@@ -12,19 +16,26 @@ from cellwright.kb.loader.arm_file import bundled_arms, load_arm
 from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose, Sphere
 from cellwright.kb.model.cell_model import Body, BodyKind, Cell, MountedArm, Placement
 
-SHAPES = (PlacedShape(Box((0.05, 0.1, 0.2))), PlacedShape(Sphere(0.06), Pose((0.1, 0, 0), (0, 0, 0))))
+SHAPES = (
+    PlacedShape(Box((0.05, 0.1, 0.2))),
+    PlacedShape(Sphere(0.06), Pose((0.1, 0, 0), (0, 0, 0))),
+)
 Q = np.array([0.3, -1.0, 0.5, 0.2, 0.4, 0.1])
 
 
 def world(shapes: tuple[PlacedShape, ...]) -> GeometricWorld:
-    part = Body("part", BodyKind.PART, Placement("world", Pose((0.5, 0.2, 0.4), (0.1, 0, 0))), shapes)
+    part = Body(
+        "part", BodyKind.PART, Placement("world", Pose((0.5, 0.2, 0.4), (0.1, 0, 0))), shapes
+    )
     table = Body(
         "table",
         BodyKind.FIXTURE,
         Placement("world", Pose((0, 0, -0.35), (0, 0, 0))),
         (PlacedShape(Box((2, 2, 0.1))),),
     )
-    ball = Body("ball", BodyKind.FIXTURE, Placement("world", Pose((0.4, -0.3, 0.5), (0, 0, 0))), SHAPES)
+    ball = Body(
+        "ball", BodyKind.FIXTURE, Placement("world", Pose((0.4, -0.3, 0.5), (0, 0, 0))), SHAPES
+    )
     arm = MountedArm(load_arm(bundled_arms()["ur5"]), home=tuple(Q))
     bodies = {each.name: each for each in (part, table, ball)}
     return GeometricWorld.of(Cell("cell", {"ur5": arm}, bodies=bodies))

@@ -10,10 +10,22 @@ from cellwright.engine.model.geometry import CollisionScene
 from cellwright.engine.ports import CollisionChecker
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
 from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
-from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of, free_scene_of
+from cellwright.engine.stages.geometry.world.collision_scene import (
+    collision_scene_of,
+    free_scene_of,
+)
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose
-from cellwright.kb.model.cell_model import Arm, Body, BodyKind, Cell, Joint, Link, MountedArm, Placement
+from cellwright.kb.model.cell_model import (
+    Arm,
+    Body,
+    BodyKind,
+    Cell,
+    Joint,
+    Link,
+    MountedArm,
+    Placement,
+)
 
 SIDE = PlacedShape(Box((0.2, 0.2, 0.2)))
 CHECKERS: list[Callable[[CollisionScene], CollisionChecker]] = [BuiltinChecker, RegionChecker]
@@ -35,7 +47,9 @@ def world() -> GeometricWorld:
 @pytest.mark.parametrize("make", CHECKERS)
 @pytest.mark.parametrize("shape", [(1500, 1), (1500, 3), (3,), (1500, 2, 2)])
 def test_configurations_have_a_value_for_each_joint(
-    make: Callable[[CollisionScene], CollisionChecker], shape: tuple[int, ...], world: GeometricWorld
+    make: Callable[[CollisionScene], CollisionChecker],
+    shape: tuple[int, ...],
+    world: GeometricWorld,
 ) -> None:
     checker, wrong = make(collision_scene_of(world)), np.zeros(shape)
     assert checker.collides(np.zeros((3, 2))).all()

@@ -52,13 +52,17 @@ HITTING = "0, 45, -20, 0, 60, 0"
 
 @pytest.fixture(scope="module")
 def hitting() -> CellView:
-    return cell_view_of(load_cell(bundled_domains()["themse"] / "cell.yaml"), BuiltinBackend(), [HITTING])
+    return cell_view_of(
+        load_cell(bundled_domains()["themse"] / "cell.yaml"), BuiltinBackend(), [HITTING]
+    )
 
 
 @pytest.fixture(scope="module")
 def drawn(hitting: CellView) -> tuple[bytes, str]:
     """Both pictures of that cell, as PNG and as SVG."""
-    return view_as_png(hitting, AZIMUTH_RAD, ELEVATION_RAD), view_as_svg(hitting, AZIMUTH_RAD, ELEVATION_RAD)
+    return view_as_png(hitting, AZIMUTH_RAD, ELEVATION_RAD), view_as_svg(
+        hitting, AZIMUTH_RAD, ELEVATION_RAD
+    )
 
 
 def pixels(picture: bytes) -> Floats:
@@ -67,7 +71,9 @@ def pixels(picture: bytes) -> Floats:
 
 
 @pytest.mark.slow
-def test_a_colliding_pair_is_marked_in_both_pictures(hitting: CellView, drawn: tuple[bytes, str]) -> None:
+def test_a_colliding_pair_is_marked_in_both_pictures(
+    hitting: CellView, drawn: tuple[bytes, str]
+) -> None:
     assert hitting.contacts
     image = pixels(drawn[0])
     assert image.shape == (720, 960, 3)
@@ -80,7 +86,8 @@ def test_a_colliding_pair_is_marked_in_both_pictures(hitting: CellView, drawn: t
         assert any(each.startswith(f"{contact.first} / {contact.second}: ") for each in said)
     free = resting("themse")
     assert {
-        each.kind for each in scene_surfaces(free.world, collision_scene_of(free.world), free.contacts)
+        each.kind
+        for each in scene_surfaces(free.world, collision_scene_of(free.world), free.contacts)
     } == set(KIND_COLOURS) - {
         "in collision",
         "region",
@@ -129,7 +136,9 @@ def test_painting_from_the_farthest_shows_what_a_depth_buffer_shows(seed: int) -
     piece = np.arange(len(corners))
     expected = fill(np.full((40, 40), -1), corners, piece)
     parts, source = back_to_front(corners, piece)
-    flat = parts * np.array([1.0, 1.0, 0.0]) + np.arange(len(parts))[:, None, None] * np.array([0, 0, 1.0])
+    flat = parts * np.array([1.0, 1.0, 0.0]) + np.arange(len(parts))[:, None, None] * np.array(
+        [0, 0, 1.0]
+    )
     painted = fill(np.full((40, 40), -1), flat, source)
     assert (painted != expected).mean() < 0.01  # pixels on the seams of parts
 
@@ -148,14 +157,18 @@ def test_the_same_view_gives_the_same_bytes(hitting: CellView, drawn: tuple[byte
 
 
 def test_what_is_nearer_hides_what_is_farther() -> None:
-    square = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
+    square = np.array(
+        [[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float
+    )
     triangles = np.concatenate([square + np.array([0, 0, 1.0]), square])
     camera = camera_for_points(triangles.reshape(-1, 3), (60, 60), -math.pi / 2, math.pi / 2)
     colours = np.array([[1.0, 0, 0]] * 2 + [[0, 0, 1.0]] * 2)
     middle = pixels(png_picture.draw_png(camera, triangles, colours))[30, 30]
     assert middle[0] > 100 > middle[2]
     polygons = [
-        line for line in svg_picture.draw_svg(camera, triangles, colours).splitlines() if "<polygon" in line
+        line
+        for line in svg_picture.draw_svg(camera, triangles, colours).splitlines()
+        if "<polygon" in line
     ]
     last = polygons[-1].split('fill="#')[1][:6]
     assert int(last[:2], 16) > 100 > int(last[4:], 16)
@@ -174,7 +187,9 @@ def test_everything_is_in_the_picture(azimuth: float, elevation: float, seed: in
 def test_surfaces_are_closed_turned_outwards_and_lie_on_their_piece(seed: int) -> None:
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
-    T = transforms.transform(transforms.rotation(axis / np.linalg.norm(axis), 1.0), rng.normal(size=3))
+    T = transforms.transform(
+        transforms.rotation(axis / np.linalg.norm(axis), 1.0), rng.normal(size=3)
+    )
     ends = [np.zeros((1, 3)), rng.normal(size=(2, 3)), rng.normal(size=(8, 3))]
     for vertices in ends:
         radius = 0.2 if len(vertices) < 3 else 0.0
@@ -222,7 +237,9 @@ class Gltf:
         return values.astype(float)
 
     def poses(self, moved: dict[int, dict[str, Floats]] | None = None) -> dict[str, Floats]:
-        """Of every node by name, in the cell (z up); `moved` overrides translations and rotations of nodes."""
+        """Of every node by name, in the cell (z up); `moved` overrides translations and
+        rotations of nodes.
+        """
         found: dict[str, Floats] = {}
 
         def visit(number: int, above: Floats) -> None:
@@ -252,7 +269,11 @@ class Gltf:
             if channel["target"]["path"] == "rotation":
                 b = -b if a @ b < 0 else b
                 angle = math.acos(min(1.0, float(a @ b)))
-                mixed = a if angle < 1e-9 else (math.sin((1 - part) * angle) * a + math.sin(part * angle) * b)
+                mixed = (
+                    a
+                    if angle < 1e-9
+                    else (math.sin((1 - part) * angle) * a + math.sin(part * angle) * b)
+                )
                 mixed = mixed / np.linalg.norm(mixed)
             moved[channel["target"]["node"]] = {channel["target"]["path"]: mixed}
         return self.poses(moved)

@@ -32,13 +32,17 @@ def body(kind: str, rng: np.random.Generator) -> Floats:
     }[kind]
     axis = rng.normal(size=3)
     turned = (
-        rotation(axis / np.linalg.norm(axis), float(rng.uniform(0, 6))) if rng.random() < 0.6 else np.eye(3)
+        rotation(axis / np.linalg.norm(axis), float(rng.uniform(0, 6)))
+        if rng.random() < 0.6
+        else np.eye(3)
     )
     shift = rng.normal(size=3) * rng.choice([0.0, 0.3, 1.0])
     return vertices @ turned.T + (np.round(shift * 2) / 2 if rng.random() < 0.4 else shift)
 
 
-def compiled(first: Floats, second: Floats, radii: tuple[float, float] = (0.0, 0.0)) -> tuple[float, Floats]:
+def compiled(
+    first: Floats, second: Floats, radii: tuple[float, float] = (0.0, 0.0)
+) -> tuple[float, Floats]:
     rows, split = np.vstack([first, second]), len(first)
     separations = Separations(rows, max(split, len(second)))
     found = separations.separation(0, split, radii[0], split, len(second), radii[1])
@@ -59,7 +63,9 @@ def test_compiled_distances_agree_with_the_plain_ones(one: str, other: str, seed
 
 @settings(max_examples=80, deadline=None)
 @given(kinds, kinds, seeds)
-def test_distances_are_symmetric_and_the_normal_turns_round(one: str, other: str, seed: int) -> None:
+def test_distances_are_symmetric_and_the_normal_turns_round(
+    one: str, other: str, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     first, second = body(one, rng), body(other, rng)
     there, back = compiled(first, second), compiled(second, first)
@@ -83,7 +89,9 @@ def test_witness_points_stand_as_far_apart_as_is_said_along_the_normal(
 
 @settings(max_examples=80, deadline=None)
 @given(kinds, kinds, seeds)
-def test_moving_by_the_depth_along_the_normal_parts_two_bodies(one: str, other: str, seed: int) -> None:
+def test_moving_by_the_depth_along_the_normal_parts_two_bodies(
+    one: str, other: str, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     first, second = body(one, rng), body(other, rng)
     distance, out = compiled(first, second)

@@ -1,4 +1,6 @@
-"""Inverse kinematics beside EAIK (Ostermeier, Külz & Althoff 2025), an independent closed-form solver, if it is installed."""
+"""Inverse kinematics beside EAIK (Ostermeier, Külz & Althoff 2025), an independent closed-form
+solver, if it is installed.
+"""
 
 import numpy as np
 import pytest
@@ -19,7 +21,9 @@ def oracle(model: ArmModel) -> "eaik.HPRobot":
     return eaik.HPRobot(screws.directions, steps)
 
 
-def test_every_exact_answer_of_the_oracle_is_among_ours(model: ArmModel, rng: np.random.Generator) -> None:
+def test_every_exact_answer_of_the_oracle_is_among_ours(
+    model: ArmModel, rng: np.random.Generator
+) -> None:
     robot, solver = oracle(model), InverseKinematics(model)
     q = model.random(300, rng)
     q = q[np.linalg.svd(model.jacobian(q), compute_uv=False)[:, -1] > 1e-2]

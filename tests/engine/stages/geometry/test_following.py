@@ -1,4 +1,6 @@
-"""Bodies are where the facts of a state say, in the bundled cells and in files that get it wrong."""
+"""Bodies are where the facts of a state say, in the bundled cells and in files that get it
+wrong.
+"""
 
 import shutil
 from pathlib import Path
@@ -11,8 +13,14 @@ from hypothesis import strategies as st
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
 from cellwright.engine.stages.geometry.reach.cell_check import check_cell
-from cellwright.engine.stages.geometry.reach.place_reachability import PlaceReachability, ReachedPlace
-from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.geometry.reach.place_reachability import (
+    PlaceReachability,
+    ReachedPlace,
+)
+from cellwright.engine.stages.geometry.world.geometric_world import (
+    GeometricWorld,
+    world_after_facts,
+)
 from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import bundled_domains, load_domain, load_problem
@@ -32,7 +40,9 @@ def inspection() -> GeometricWorld:
 
 
 def fact(name: str, *arguments: str | Function) -> Atom:
-    return Function(name, tuple(each if isinstance(each, Function) else Function(each) for each in arguments))
+    return Function(
+        name, tuple(each if isinstance(each, Function) else Function(each) for each in arguments)
+    )
 
 
 def _slot(unit: str, number: int) -> Function:
@@ -51,9 +61,13 @@ def test_at_the_start_drawer_flap_and_lid_are_closed(laboratory: GeometricWorld)
     assert np.abs(slid - transforms.translation(0.26, 0, 0)).max() < 1e-9
     for n in (1, 2, 3, 4):
         assert (
-            np.abs(world.pose("drawer", f"probe_{n}") - laboratory.pose("drawer", f"probe_{n}")).max() < 1e-9
+            np.abs(
+                world.pose("drawer", f"probe_{n}") - laboratory.pose("drawer", f"probe_{n}")
+            ).max()
+            < 1e-9
         )
-    assert abs(float(world.pose("furnace", "flap")[0, 2]) + 1.0) < 1e-9  # it lies flat over the shaft
+    # it lies flat over the shaft
+    assert abs(float(world.pose("furnace", "flap")[0, 2]) + 1.0) < 1e-9
     assert np.abs(world.pose("bayonet", "lid")[:3, 3] - [0, 0, 0]).max() < 1e-9
     assert close(world_after_facts(world, [fact("at", "lid", "stand")]), laboratory, "lid")
 
@@ -73,16 +87,22 @@ def test_the_lid_turns_with_its_bayonet_and_both_fingers_close_on_what_they_hold
     assert abs(apart + 0.07 - 2 * 0.007) < 1e-9
     assert (
         abs(
-            world_after_facts(held, [fact("free", "mars_gripper")]).pose("finger_left", "finger_right")[1, 3]
+            world_after_facts(held, [fact("free", "mars_gripper")]).pose(
+                "finger_left", "finger_right"
+            )[1, 3]
             + 0.07
         )
         < 1e-9
     )
 
 
-def test_what_is_gripped_moves_with_the_arm_until_it_is_put_down(laboratory: GeometricWorld) -> None:
+def test_what_is_gripped_moves_with_the_arm_until_it_is_put_down(
+    laboratory: GeometricWorld,
+) -> None:
     world = world_after_facts(laboratory, [fact("at", "probe_2", "mars_gripper")])
-    grip = transforms.inverse(world.pose("probe_2", "world") @ world.pose("world", "manutec_r3.tool"))
+    grip = transforms.inverse(
+        world.pose("probe_2", "world") @ world.pose("world", "manutec_r3.tool")
+    )
     assert np.abs(transforms.inverse(grip) - laboratory.grip("probe_2")).max() < 1e-9
     turned = world.moved("manutec_r3", world.configurations["manutec_r3"] + 0.2)
     assert not close(turned, world, "probe_2")
@@ -92,8 +112,12 @@ def test_what_is_gripped_moves_with_the_arm_until_it_is_put_down(laboratory: Geo
     assert np.abs(down.pose("world", "probe_2") @ down.grip("probe_2") - target).max() < 1e-9
 
 
-def test_an_arm_that_reaches_a_depot_has_the_probe_between_its_fingers(laboratory: GeometricWorld) -> None:
-    """Position and direction of the grip are those of the tool; about its own z the tool may turn."""
+def test_an_arm_that_reaches_a_depot_has_the_probe_between_its_fingers(
+    laboratory: GeometricWorld,
+) -> None:
+    """Position and direction of the grip are those of the tool; about its own z the tool may
+    turn.
+    """
     for number in (1, 2, 3, 4):
         answer = PlaceReachability(laboratory, BuiltinBackend()).at(
             laboratory.cell.places[f"slot(drawer, {number})"]
@@ -118,9 +142,14 @@ def test_tools_are_in_the_rack_or_in_the_hand(inspection: GeometricWorld) -> Non
 
 @settings(max_examples=30, deadline=None)
 @given(st.permutations(range(4)))
-def test_the_order_of_facts_means_nothing_and_following_twice_changes_nothing(order: list[int]) -> None:
+def test_the_order_of_facts_means_nothing_and_following_twice_changes_nothing(
+    order: list[int],
+) -> None:
     world = GeometricWorld.of(load_cell(bundled_domains()["themse"] / "cell.yaml"))
-    facts = [Function("at", (Function(f"probe_{n + 1}"), _slot("drawer", order[n] + 1))) for n in range(4)]
+    facts = [
+        Function("at", (Function(f"probe_{n + 1}"), _slot("drawer", order[n] + 1)))
+        for n in range(4)
+    ]
     once = world_after_facts(world, facts)
     for again in (world_after_facts(world, facts[::-1]), world_after_facts(once, facts)):
         assert all(close(once, again, f"probe_{n}") for n in (1, 2, 3, 4))
@@ -154,15 +183,23 @@ locations:
         ("at(Item, Place: {body: Item, place: Place}", "K106", ""),
     ],
 )
-def test_a_location_that_means_nothing_is_told(entry: str, code: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / "cell.yaml").write_text(f'{CELL}  "{entry.split(": {")[0]}": {{{entry.split(": {")[1]}\n')
+def test_a_location_that_means_nothing_is_told(
+    entry: str, code: str, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "cell.yaml").write_text(
+        f'{CELL}  "{entry.split(": {")[0]}": {{{entry.split(": {")[1]}\n'
+    )
     with pytest.raises(InvalidInput) as error:
         load_cell(tmp_path / "cell.yaml")
     assert any(each.code == code and said in each.message for each in error.value.diagnostics)
 
 
-@pytest.mark.parametrize(("old", "code"), [("at(Item, Place)", "K101"), ("at(Item, mars_gripper)", "K102")])
-def test_a_location_that_the_domain_does_not_know_is_told(old: str, code: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("old", "code"), [("at(Item, Place)", "K101"), ("at(Item, mars_gripper)", "K102")]
+)
+def test_a_location_that_the_domain_does_not_know_is_told(
+    old: str, code: str, tmp_path: Path
+) -> None:
     new = {"K101": "in(Item, Place)", "K102": "at(Item, mars_gripper, now)"}[code]
     cell = shutil.copytree(bundled_domains()["themse"], tmp_path / "themse") / "cell.yaml"
     device = (

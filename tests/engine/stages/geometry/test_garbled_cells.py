@@ -13,11 +13,31 @@ from cellwright.kb.diagnostics import DIAGNOSTIC_CODES
 from cellwright.kb.loader import bundled_domains, load_domain
 from cellwright.kb.model.domain_model import Domain
 
-TEXTS = {name: (bundled_domains()[name] / "cell.yaml").read_text("utf-8") for name in ("themse", "bulkhead")}
+TEXTS = {
+    name: (bundled_domains()[name] / "cell.yaml").read_text("utf-8")
+    for name in ("themse", "bulkhead")
+}
 WORDS = re.compile(r"[A-Za-z_0-9.]+")
-ODD = ["", "0", "-1", "1e9", "nan", "inf", "1e-300", "''", "[]", "{}", "true", "world", "table", "9" * 30]
+ODD = [
+    "",
+    "0",
+    "-1",
+    "1e9",
+    "nan",
+    "inf",
+    "1e-300",
+    "''",
+    "[]",
+    "{}",
+    "true",
+    "world",
+    "table",
+    "9" * 30,
+]
 
-edits = st.tuples(st.floats(0, 1, exclude_max=True), st.sampled_from(ODD) | st.floats(0, 1, exclude_max=True))
+edits = st.tuples(
+    st.floats(0, 1, exclude_max=True), st.sampled_from(ODD) | st.floats(0, 1, exclude_max=True)
+)
 
 
 @pytest.fixture(scope="module")

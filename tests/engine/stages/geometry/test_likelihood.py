@@ -29,7 +29,10 @@ def cell_of(*arms: MountedArm) -> Cell:
     at = [(x, y, z) for x in (-1.5, -0.5, 0.4, 0.9, 3.0) for y in (-0.5, 0.6) for z in (0.1, 0.9)]
     bodies = {
         f"block_{n}": Body(
-            f"block_{n}", BodyKind.FIXTURE, Placement("world", Pose(p)), (PlacedShape(Box((0.2, 0.3, 0.2))),)
+            f"block_{n}",
+            BodyKind.FIXTURE,
+            Placement("world", Pose(p)),
+            (PlacedShape(Box((0.2, 0.3, 0.2))),),
         )
         for n, p in enumerate(at)
     }
@@ -71,7 +74,9 @@ def test_pairs_that_are_left_out_never_touch(name: str) -> None:
     bodies = {frozenset((scene.pieces[i].body, scene.pieces[j].body)) for i, j in rest}
     shared = {frozenset((scene.pieces[i].body, scene.pieces[j].body)) for i, j in scene.pairs[kept]}
     for one in q[:300]:
-        assert not {frozenset((c.first, c.second)) for c in everything.contacts(one)} & (bodies - shared)
+        assert not {frozenset((c.first, c.second)) for c in everything.contacts(one)} & (
+            bodies - shared
+        )
     assert np.array_equal(everything.collides(q), everything.clearance(q, 0.01) <= 0)
 
 
@@ -79,7 +84,9 @@ def test_pairs_that_are_left_out_never_touch(name: str) -> None:
 def test_answers_do_not_depend_on_the_size_of_the_batch(name: str) -> None:
     scene = collision_scene_of(WORLDS[name])
     joints = scene.joints
-    q = np.random.default_rng(4).uniform(joints.lower, joints.upper, (2 * POSE_SAMPLES, joints.count))
+    q = np.random.default_rng(4).uniform(
+        joints.lower, joints.upper, (2 * POSE_SAMPLES, joints.count)
+    )
     large, small = BuiltinChecker(scene).collides(q), BuiltinChecker(scene)
     assert np.array_equal(large, np.concatenate([small.collides(part) for part in np.split(q, 8)]))
 
@@ -88,7 +95,9 @@ def test_answers_do_not_depend_on_the_size_of_the_batch(name: str) -> None:
 def test_the_pair_that_is_told_touches(name: str) -> None:
     scene = collision_scene_of(WORLDS[name])
     checker, joints = BuiltinChecker(scene), scene.joints
-    q = np.random.default_rng(5).uniform(joints.lower, joints.upper, (POSE_SAMPLES + 100, joints.count))
+    q = np.random.default_rng(5).uniform(
+        joints.lower, joints.upper, (POSE_SAMPLES + 100, joints.count)
+    )
     told = checker.first_contacts(q)
     assert (told >= 0).any()
     for n in np.nonzero(told >= 0)[0][:100]:

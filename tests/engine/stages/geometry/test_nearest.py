@@ -14,7 +14,9 @@ def test_the_nearest_bodies_are_as_far_apart_as_the_clearance_says(seed: int) ->
     checker = any_ground(rng).checker
     q = rng.uniform(-3, 3, (20, checker.scene.joints.count))
     others = zip(
-        nearest_contacts(checker, q, 0.4), nearest_contacts(PlanningScene(checker), q, 0.4), strict=True
+        nearest_contacts(checker, q, 0.4),
+        nearest_contacts(PlanningScene(checker), q, 0.4),
+        strict=True,
     )
     for gap, (ours, other) in zip(checker.clearance(q, 0.4), others, strict=True):
         assert (ours is None) == (other is None) == (gap == 0.4)

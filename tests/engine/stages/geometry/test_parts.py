@@ -1,4 +1,6 @@
-"""Parts in their three views, meshes from files, and what is refused because it encloses nothing."""
+"""Parts in their three views, meshes from files, and what is refused because it encloses
+nothing.
+"""
 
 import math
 import struct
@@ -172,7 +174,9 @@ def text_stl(triangles: Floats) -> bytes:
 
 def obj(vertices: Floats, triangles: Floats) -> bytes:
     lines = ["v " + " ".join(map(str, each)) for each in vertices]
-    return "\n".join([*lines, *("f " + " ".join(f"{i + 1}/1" for i in each) for each in triangles)]).encode()
+    return "\n".join(
+        [*lines, *("f " + " ".join(f"{i + 1}/1" for i in each) for each in triangles)]
+    ).encode()
 
 
 FILES = {
@@ -202,9 +206,14 @@ def test_the_same_mesh_is_read_from_every_format(name: str, tmp_path: Path) -> N
 
 def test_each_connected_component_is_a_convex_piece(tmp_path: Path) -> None:
     both = np.concatenate([CUBE, CUBE + np.array([3, 0, 0])])
-    (tmp_path / "two.obj").write_bytes(obj(both, np.concatenate([CUBE_TRIANGLES, CUBE_TRIANGLES + 8])))
+    (tmp_path / "two.obj").write_bytes(
+        obj(both, np.concatenate([CUBE_TRIANGLES, CUBE_TRIANGLES + 8]))
+    )
     assert len(mesh_components(read_mesh(tmp_path / "two.obj"))) == 2
-    assert [core.vertices[:, 0].max() for core in shape_cores(Mesh(str(tmp_path / "two.obj")))] == [1.0, 4.0]
+    assert [core.vertices[:, 0].max() for core in shape_cores(Mesh(str(tmp_path / "two.obj")))] == [
+        1.0,
+        4.0,
+    ]
 
 
 def test_triangles_without_area_and_repeated_vertices_do_no_harm(tmp_path: Path) -> None:
@@ -250,7 +259,9 @@ def read(path: Path) -> list[ConvexCore] | set[str]:
         return {each.code for each in error.diagnostics}
 
 
-words = st.sampled_from(["v", "f", "1", "-1", "2/3", "0", "nan", "1e999", "x", "\n", "\n", "solid", "vertex"])
+words = st.sampled_from(
+    ["v", "f", "1", "-1", "2/3", "0", "nan", "1e999", "x", "\n", "\n", "solid", "vertex"]
+)
 
 
 @given(st.binary(max_size=200) | st.lists(words, max_size=60).map(" ".join).map(str.encode))

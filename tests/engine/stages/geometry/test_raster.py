@@ -7,7 +7,9 @@ from cellwright.engine.stages.geometry.pictures.raster import fill, nearest
 
 
 def looked_up(triangles: Floats, x: float, y: float) -> int:
-    """The number of the triangle seen at a point, by solving for the point's shares in the corners."""
+    """The number of the triangle seen at a point, by solving for the point's shares in the
+    corners.
+    """
     best, depth = -1, -np.inf
     for n, corners in enumerate(triangles):
         system = np.vstack([corners[:, :2].T, np.ones(3)])

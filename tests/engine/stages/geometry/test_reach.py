@@ -51,7 +51,10 @@ def place(T: np.ndarray, **more: object) -> Place:
 
 
 def test_every_pose_of_a_free_configuration_is_reached_by_answers_that_take_it(cell: Cell) -> None:
-    world, checker = GeometricWorld.of(cell), BACKEND.checker(collision_scene_of(GeometricWorld.of(cell)))
+    world, checker = (
+        GeometricWorld.of(cell),
+        BACKEND.checker(collision_scene_of(GeometricWorld.of(cell))),
+    )
     model, T_flange_tool = world.models["arm"], transforms.of_pose(TOOL)
     q = model.random(30, np.random.default_rng(1))
     free = q[~checker.collides(q)]
@@ -74,7 +77,9 @@ def reason(cell: Cell, where: Place) -> str:
 
 
 def test_a_place_out_of_reach_is_told_with_its_distance(cell: Cell) -> None:
-    assert "out of the reach of arm: 5.00 m" in reason(cell, place(transforms.translation(3.0, 0.0, 4.0)))
+    assert "out of the reach of arm: 5.00 m" in reason(
+        cell, place(transforms.translation(3.0, 0.0, 4.0))
+    )
 
 
 def test_a_wrong_orientation_is_told_from_a_place_out_of_reach() -> None:
@@ -113,7 +118,9 @@ def test_what_is_in_the_way_is_named_unless_the_place_may_be_touched() -> None:
     allowed = place(T, touches=("block",))
     assert "touches block" in reason(touching, allowed)
     deep = replace(allowed, depth_m=1.0)
-    assert isinstance(PlaceReachability(GeometricWorld.of(touching), BACKEND).at(deep), ReachedPlace)
+    assert isinstance(
+        PlaceReachability(GeometricWorld.of(touching), BACKEND).at(deep), ReachedPlace
+    )
 
 
 def test_the_approach_must_be_reached_too(cell: Cell) -> None:
@@ -147,7 +154,9 @@ def test_every_place_of_the_bundled_cells_is_reached(name: str) -> None:
 
 
 def test_a_place_that_the_domain_does_not_know_is_told(tmp_path: Path) -> None:
-    text = (bundled_domains()["bulkhead"] / "cell.yaml").read_text().replace("meas(m1):", "mess(m1):")
+    text = (
+        (bundled_domains()["bulkhead"] / "cell.yaml").read_text().replace("meas(m1):", "mess(m1):")
+    )
     (tmp_path / "cell.yaml").write_text(text)
     (found,) = check_cell(tmp_path / "cell.yaml", load_domain("bulkhead"))
     assert (found.code, found.warning, found.hint) == ("K101", True, "did you mean 'meas'?")
@@ -156,12 +165,21 @@ def test_a_place_that_the_domain_does_not_know_is_told(tmp_path: Path) -> None:
 def test_a_depot_of_some_problem_without_a_pose_is_told(tmp_path: Path) -> None:
     for file in ("domain.yaml", "rules.lp", "cell.yaml", "problems/furnace_of_two.yaml"):
         (tmp_path / file).parent.mkdir(exist_ok=True)
-        (tmp_path / file).write_text((bundled_domains()["themse"] / file).read_text("utf-8"), "utf-8")
+        (tmp_path / file).write_text(
+            (bundled_domains()["themse"] / file).read_text("utf-8"), "utf-8"
+        )
     assert codes(tmp_path) == set()
-    furnace = shutil.copytree(bundled_devices()["furnace"], tmp_path / "devices" / "furnace") / "cell.yaml"
-    furnace.write_text(furnace.read_text("utf-8").replace("slot($name, 2)", "slot($name, 3)"), "utf-8")
+    furnace = (
+        shutil.copytree(bundled_devices()["furnace"], tmp_path / "devices" / "furnace")
+        / "cell.yaml"
+    )
+    furnace.write_text(
+        furnace.read_text("utf-8").replace("slot($name, 2)", "slot($name, 3)"), "utf-8"
+    )
     (found,) = [
-        each for each in domain_check.check_domain_files(str(tmp_path)).diagnostics if each.code == "K705"
+        each
+        for each in domain_check.check_domain_files(str(tmp_path)).diagnostics
+        if each.code == "K705"
     ]
     assert found.message == "no configuration reaches slot(furnace, 2): it has no place"
     assert found.warning

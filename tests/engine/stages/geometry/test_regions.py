@@ -1,4 +1,6 @@
-"""The region tree answers as the flat list of its solid regions does; attaching and detaching restore it."""
+"""The region tree answers as the flat list of its solid regions does; attaching and detaching
+restore it.
+"""
 
 import math
 from dataclasses import replace
@@ -58,7 +60,9 @@ def tube(name: str, T: Floats, length: float, radius: float) -> ConvexPiece:
     return ConvexPiece(name, 0, T, np.array([[0, 0, -length / 2], [0, 0, length / 2]]), radius)
 
 
-def any_piece(name: str, rng: np.random.Generator, spread: float = 1.0, size: float = 0.4) -> ConvexPiece:
+def any_piece(
+    name: str, rng: np.random.Generator, spread: float = 1.0, size: float = 0.4
+) -> ConvexPiece:
     T = turned(rng, rng.uniform(-spread, spread, 3))
     kind = rng.integers(4)
     if kind == 0:
@@ -71,13 +75,17 @@ def any_piece(name: str, rng: np.random.Generator, spread: float = 1.0, size: fl
 
 
 def random_tree(rng: np.random.Generator, count: int = 12) -> RegionTree:
-    """Bounds of every kind laid around solid pieces, some of which reach over the seam of two bounds."""
+    """Bounds of every kind laid around solid pieces, some of which reach over the seam of two
+    bounds.
+    """
     solids = [any_piece(f"s{n}", rng) for n in range(count)]
     world = TreeRegion("everything", sphere("everything", np.zeros(3), 4.0))
     left = TreeRegion(
         "left", box("left", transforms.translation(-1.5, 0, 0), (3.0, 3.5, 3.5)), ("everything",)
     )
-    right = TreeRegion("right", tube("right", transforms.translation(0.7, 0, 0), 2.5, 2.2), ("everything",))
+    right = TreeRegion(
+        "right", tube("right", transforms.translation(0.7, 0, 0), 2.5, 2.2), ("everything",)
+    )
     regions = [world, left, right]
     for n, piece in enumerate(solids):
         regions.append(TreeRegion(f"s{n}", piece, ("left", "right"), solid=True))
@@ -90,8 +98,13 @@ def solids(tree: RegionTree) -> list[TreeRegion]:
 
 
 def far(first: ConvexPiece, second: ConvexPiece, by: float) -> bool:
-    """Whether balls around the frames of two pieces are: then the plain reference need not be asked."""
-    reach = [float(np.linalg.norm(each.vertices, axis=1).max()) + each.radius_m for each in (first, second)]
+    """Whether balls around the frames of two pieces are: then the plain reference need not be
+    asked.
+    """
+    reach = [
+        float(np.linalg.norm(each.vertices, axis=1).max()) + each.radius_m
+        for each in (first, second)
+    ]
     apart = float(np.linalg.norm(first.T_carrier_piece[:3, 3] - second.T_carrier_piece[:3, 3]))
     return apart > sum(reach) + by
 
@@ -139,7 +152,8 @@ def test_a_body_that_flies_free_is_answered_as_by_the_flat_list(seed: int) -> No
     tree, pieces = random_tree(rng), [any_piece("gripper", rng, 0.1) for _ in range(2)]
     T = turned(rng, rng.uniform(-1, 1, 3))
     placed = [
-        ConvexPiece("gripper", 0, T @ each.T_carrier_piece, each.vertices, each.radius_m) for each in pieces
+        ConvexPiece("gripper", 0, T @ each.T_carrier_piece, each.vertices, each.radius_m)
+        for each in pieces
     ]
     assert tree.hits(placed) == [tuple(sorted(flat(tree, each))) for each in placed]
     within = 0.1
@@ -173,7 +187,9 @@ def test_attaching_what_was_detached_restores_the_tree(seed: int) -> None:
 def test_detaching_what_was_attached_restores_the_tree(seed: int) -> None:
     rng = np.random.default_rng(seed)
     tree = random_tree(rng)
-    part = nested_boxes("part", [any_piece("part", rng, 0.3, 0.2) for _ in range(6)], ("everything",))
+    part = nested_boxes(
+        "part", [any_piece("part", rng, 0.3, 0.2) for _ in range(6)], ("everything",)
+    )
     rest, taken = tree.attached(part).detached("part")
     assert (dict(rest.regions), dict(rest.covers)) == (dict(tree.regions), dict(tree.covers))
     assert {each.name for each in taken} == {each.name for each in part}
@@ -226,7 +242,10 @@ def test_a_region_that_reaches_out_of_its_ancestors_is_refused_at_a_point_of_it(
 @given(seeds)
 def test_what_is_covered_has_no_point_outside_and_a_hole_is_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    piece, others = any_piece("piece", rng, 0.2), [any_piece(f"o{n}", rng, 0.4, 1.5) for n in range(4)]
+    piece, others = (
+        any_piece("piece", rng, 0.2),
+        [any_piece(f"o{n}", rng, 0.4, 1.5) for n in range(4)],
+    )
     answer = cover_piece(piece, others)
     corners = transforms.apply(piece.T_carrier_piece, piece.vertices)
     weights = rng.dirichlet(np.ones(len(corners)), 40)
@@ -252,9 +271,13 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="no parent 'roof'"):
         tree.attached([TreeRegion("small", small, ("roof",))])
     with pytest.raises(ValueError, match="own ancestor"):
-        tree.attached([TreeRegion("small", small, ("other",)), TreeRegion("other", small, ("small",))])
+        tree.attached(
+            [TreeRegion("small", small, ("other",)), TreeRegion("other", small, ("small",))]
+        )
     with pytest.raises(ValueError, match="does not stand"):
-        tree.attached([TreeRegion("moving", ConvexPiece("moving", 1, np.eye(4), np.zeros((1, 3)), 0.1))])
+        tree.attached(
+            [TreeRegion("moving", ConvexPiece("moving", 1, np.eye(4), np.zeros((1, 3)), 0.1))]
+        )
     with pytest.raises(KeyError):
         tree.detached("small")
 
@@ -267,7 +290,9 @@ def test_a_tree_without_regions_is_never_hit() -> None:
 
 @pytest.mark.parametrize("name", ["themse", "bulkhead"])
 def test_regions_of_the_bundled_cells_lie_in_their_parents(name: str) -> None:
-    tree, outside = declared_tree(GeometricWorld.of(load_cell(bundled_domains()[name] / "cell.yaml")))
+    tree, outside = declared_tree(
+        GeometricWorld.of(load_cell(bundled_domains()[name] / "cell.yaml"))
+    )
     assert tree.regions
     assert not outside
 
@@ -301,7 +326,9 @@ def test_many_standing_pieces_become_a_tree() -> None:
     body = Body("dust", BodyKind.FIXTURE, shapes=(PlacedShape(dust),))
     scene = collision_scene_of(
         GeometricWorld.of(
-            Cell("dusty", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}, bodies={"dust": body})
+            Cell(
+                "dusty", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}, bodies={"dust": body}
+            )
         )
     )
     checker = BuiltinBackend().checker(scene)
@@ -311,7 +338,9 @@ def test_many_standing_pieces_become_a_tree() -> None:
 
 
 def scattered(rng: np.random.Generator, count: int) -> list[TreeRegion]:
-    return [TreeRegion(f"s{n}", any_piece(f"s{n}", rng, 2.0, 0.2), solid=True) for n in range(count)]
+    return [
+        TreeRegion(f"s{n}", any_piece(f"s{n}", rng, 2.0, 0.2), solid=True) for n in range(count)
+    ]
 
 
 @settings(max_examples=10, deadline=None)
@@ -330,7 +359,9 @@ def test_a_tree_changed_step_by_step_answers_as_one_made_at_once(seed: int) -> N
             trees.append(tree.detached(name)[0])
         else:
             trees.append(
-                tree.attached([TreeRegion(f"n{step}", any_piece(f"n{step}", rng, 2.0, 0.2), solid=True)])
+                tree.attached(
+                    [TreeRegion(f"n{step}", any_piece(f"n{step}", rng, 2.0, 0.2), solid=True)]
+                )
             )
     for tree in trees[:: len(trees) // 6]:
         again = RegionTree.of(tree.regions.values())
@@ -374,10 +405,14 @@ def test_what_is_no_number_is_neither_attached_nor_asked_for() -> None:
 
 
 def test_what_is_tried_first_is_what_settles_most_of_the_poses_that_are_left() -> None:
-    """One pair touches in 500 of 512 poses; a second one only in those; a third one in eight of the rest."""
+    """One pair touches in 500 of 512 poses; a second one only in those; a third one in eight of
+    the rest.
+    """
     poses = [(np.arange(500), (2, 7)), (np.arange(400), (3, 1)), (np.arange(498, 508), (0, 4))]
     hits = np.concatenate([np.column_stack([n, np.full((len(n), 2), pair)]) for n, pair in poses])
     assert decisive_pairs(hits).tolist() == [[2, 7], [0, 4]]
     assert decisive_pairs(hits[:0]).shape == (0, 2)
-    rare = np.column_stack([np.arange(POSE_SAMPLES), np.arange(POSE_SAMPLES), np.arange(POSE_SAMPLES)])
+    rare = np.column_stack(
+        [np.arange(POSE_SAMPLES), np.arange(POSE_SAMPLES), np.arange(POSE_SAMPLES)]
+    )
     assert decisive_pairs(rare).shape == (0, 2)

@@ -1,4 +1,6 @@
-"""What a scanner sees: the answer agrees with many rays among random blocks, cast by a plain rule that shares no code with it."""
+"""What a scanner sees: the answer agrees with many rays among random blocks, cast by a plain
+rule that shares no code with it.
+"""
 
 from dataclasses import replace
 
@@ -23,7 +25,11 @@ TIP_M = 0.8
 def bare() -> Cell:
     """The cell with nothing but the arm on its carriage, and the scanner."""
     whole = cell_of("bulkhead/three_stations")
-    kept = {name: body for name, body in whole.bodies.items() if name in ("carriage", "tool_rack", "slra")}
+    kept = {
+        name: body
+        for name, body in whole.bodies.items()
+        if name in ("carriage", "tool_rack", "slra")
+    }
     slra = replace(kept["slra"], features={"tip": Pose((0.0, 0.0, TIP_M)), "eye": Pose(tuple(EYE))})
     return replace(whole, bodies={**kept, "slra": slra}, regions={}, locations=(), places={})
 
@@ -47,11 +53,15 @@ def with_blocks(cell: Cell, blocks: list[tuple[Floats, Floats, Floats]]) -> Cell
     return replace(cell, bodies={**cell.bodies, **bodies})
 
 
-PLACE = Place("meas(p)", Placement("world", Pose((3.0, 0.0, 1.5), (0.0, np.pi / 2, 0.0))), "t3_746", "slra")
+PLACE = Place(
+    "meas(p)", Placement("world", Pose((3.0, 0.0, 1.5), (0.0, np.pi / 2, 0.0))), "t3_746", "slra"
+)
 
 
 def rays_hit(block: tuple[Floats, Floats, Floats], eye: Floats, ends: Floats) -> bool:
-    """Whether a ray from the eye to one of some ends (n, 3) goes through a block, by the rule of slabs (Kay & Kajiya 1986)."""
+    """Whether a ray from the eye to one of some ends (n, 3) goes through a block, by the rule
+    of slabs (Kay & Kajiya 1986).
+    """
     size, at, turn = block
     T = transforms.inverse(transforms.of_pose(Pose(tuple(at), tuple(turn))))
     start, way = transforms.apply(T, eye[None])[0], transforms.apply(T, ends)
@@ -62,7 +72,9 @@ def rays_hit(block: tuple[Floats, Floats, Floats], eye: Floats, ends: Floats) ->
     return bool(((enter <= leave) & (leave >= 0.0) & (enter <= 1.0)).any())
 
 
-def test_what_any_ray_meets_is_in_the_way_and_nothing_else(bare: Cell, rng: np.random.Generator) -> None:
+def test_what_any_ray_meets_is_in_the_way_and_nothing_else(
+    bare: Cell, rng: np.random.Generator
+) -> None:
     hidden = seen = 0
     for _ in range(150):
         turn = transforms.rotation((0, 0, 1), rng.uniform(0, 6.28))
@@ -113,7 +125,10 @@ def test_a_tool_that_leans_looks_at_the_same_patch_more_flatly(bare: Cell) -> No
     tilt = transforms.transform(transforms.rotation((0, 1, 0), np.radians(40.0)), np.zeros(3))
     T = transforms.of_pose(PLACE.placement.pose) @ tilt
     place = replace(
-        PLACE, patch_m=0.02, placement=Placement("world", transforms.to_pose(T)), surface=PLACE.placement
+        PLACE,
+        patch_m=0.02,
+        placement=Placement("world", transforms.to_pose(T)),
+        surface=PLACE.placement,
     )
     assert seeing(bare, incidence_rad=np.radians(50.0)).unseen(place, T) is None
     found = seeing(bare, incidence_rad=np.radians(30.0)).unseen(place, T)

@@ -1,4 +1,6 @@
-"""A point that is picked on a body goes to its face, to the nearest edge, or to the middle of a hole."""
+"""A point that is picked on a body goes to its face, to the nearest edge, or to the middle of a
+hole.
+"""
 
 import numpy as np
 import pytest
@@ -25,7 +27,11 @@ def on_surface(count: int = 40) -> list[Floats]:
     random, half = np.random.default_rng(7), np.array(SIZE) / 2
     found = []
     for _ in range(count):
-        point, axis, side = random.uniform(-half, half), random.integers(3), random.choice([-1.0, 1.0])
+        point, axis, side = (
+            random.uniform(-half, half),
+            random.integers(3),
+            random.choice([-1.0, 1.0]),
+        )
         point[axis] = side * half[axis]
         found.append(np.array([point, side * np.eye(3)[axis]]))
     return found
@@ -63,7 +69,9 @@ def test_the_nearest_edge_is_that_of_the_block_and_not_of_a_triangle() -> None:
 
 
 def test_the_seams_between_the_pieces_of_a_plate_are_no_edges() -> None:
-    found = snap_point(corners_of(PLATE), PLATE, np.array([-0.1, 0.09, 0.01]), SnapTo.EDGE, reach_m=1.0)
+    found = snap_point(
+        corners_of(PLATE), PLATE, np.array([-0.1, 0.09, 0.01]), SnapTo.EDGE, reach_m=1.0
+    )
     assert found is not None
     assert found.point == pytest.approx([-0.1, 0.15, 0.01], abs=TENTH_MM)
 

@@ -43,10 +43,14 @@ def test_a_pose_comes_back_from_its_matrix(pose: Pose) -> None:
 
 
 @given(matrices, st.lists(st.tuples(lengths, lengths, lengths), min_size=1, max_size=5))
-def test_moving_points_keeps_their_distances(a: Floats, points: list[tuple[float, float, float]]) -> None:
+def test_moving_points_keeps_their_distances(
+    a: Floats, points: list[tuple[float, float, float]]
+) -> None:
     before = np.array(points)
     after = transforms.apply(a, before)
-    assert close(np.linalg.norm(after - after[0], axis=1), np.linalg.norm(before - before[0], axis=1))
+    assert close(
+        np.linalg.norm(after - after[0], axis=1), np.linalg.norm(before - before[0], axis=1)
+    )
 
 
 @given(st.tuples(lengths, lengths, lengths), st.floats(0, math.pi))

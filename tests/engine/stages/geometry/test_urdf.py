@@ -1,4 +1,6 @@
-"""Arms from URDF and SRDF: frames, package paths, and a diagnostic for whatever does not hold together."""
+"""Arms from URDF and SRDF: frames, package paths, and a diagnostic for whatever does not hold
+together.
+"""
 
 import math
 import re
@@ -85,7 +87,9 @@ def test_the_flange_of_a_chain_is_the_product_of_its_transforms(folder: Path) ->
         @ transforms.transform(transforms.rotation((0, 0, 1), 0.7), np.zeros(3))
         @ transforms.of_pose(Pose((0, 0, 0.5), (0.3, 0, 0)))
         @ transforms.of_pose(Pose((0.1, 0, 0)))
-        @ transforms.transform(transforms.rotation(np.array([0, 1, 1]) / math.sqrt(2), -0.4), np.zeros(3))
+        @ transforms.transform(
+            transforms.rotation(np.array([0, 1, 1]) / math.sqrt(2), -0.4), np.zeros(3)
+        )
         @ transforms.translation(1.2, 0, 0)
     )
     assert np.abs(ArmModel(arm).flange_pose(q) - expected).max() < 1e-12
@@ -138,8 +142,14 @@ def test_a_cell_may_name_a_urdf_with_its_packages(folder: Path) -> None:
 
 def test_an_arm_rests_with_sliding_joints_in_units_of_length(folder: Path) -> None:
     crane = "{urdf: crane.urdf, packages: [packages], chain: [foot, trolley], home: [90, 0, 0.5]}"
-    (folder / "cell.yaml").write_text(f"cell: yard\nunits: {{angle: deg}}\narms:\n  crane: {crane}\n")
-    assert load_cell(folder / "cell.yaml").arms["crane"].home == (pytest.approx(math.pi / 2), 0.0, 0.5)
+    (folder / "cell.yaml").write_text(
+        f"cell: yard\nunits: {{angle: deg}}\narms:\n  crane: {crane}\n"
+    )
+    assert load_cell(folder / "cell.yaml").arms["crane"].home == (
+        pytest.approx(math.pi / 2),
+        0.0,
+        0.5,
+    )
 
 
 BROKEN = {  # what is replaced by what: the code, and a word of the message
@@ -147,13 +157,38 @@ BROKEN = {  # what is replaced by what: the code, and a word of the message
     "another root": ("robot", "tractor", "K703", "is not a robot"),
     "an entity": ('<?xml version="1.0"?>', '<!DOCTYPE robot [<!ENTITY a "b">]>', "K703", "refused"),
     "no name": ('<link name="plate"/>', "<link/>", "K703", "without a name"),
-    "twice": ('<link name="plate"/>', '<link name="plate"/><link name="plate"/>', "K703", "second one"),
-    "no such link": ('<child link="boom"/>', '<child link="bloom"/>', "K703", "names no link 'bloom'"),
-    "two parents": ('<child link="boom"/>', '<child link="mast"/>', "K703", "has two parent joints"),
-    "a circle": ('<parent link="foot"/>', '<parent link="trolley"/>', "K703", "is its own ancestor"),
+    "twice": (
+        '<link name="plate"/>',
+        '<link name="plate"/><link name="plate"/>',
+        "K703",
+        "second one",
+    ),
+    "no such link": (
+        '<child link="boom"/>',
+        '<child link="bloom"/>',
+        "K703",
+        "names no link 'bloom'",
+    ),
+    "two parents": (
+        '<child link="boom"/>',
+        '<child link="mast"/>',
+        "K703",
+        "has two parent joints",
+    ),
+    "a circle": (
+        '<parent link="foot"/>',
+        '<parent link="trolley"/>',
+        "K703",
+        "is its own ancestor",
+    ),
     "no chain": ('<parent link="plate"/>', '<parent link="left_jaw"/>', "K703", ""),
     "joint type": ('type="prismatic"', 'type="elastic"', "K703", "unknown joint type 'elastic'"),
-    "no limits": ('<limit lower="0" upper="2" velocity="0.5" effort="1"/>', "", "K703", "no limits"),
+    "no limits": (
+        '<limit lower="0" upper="2" velocity="0.5" effort="1"/>',
+        "",
+        "K703",
+        "no limits",
+    ),
     "limits": ('lower="-1" upper="1.5"', 'lower="1.5" upper="-1"', "K703", "cannot move"),
     "no axis": ('<axis xyz="0 1 1"/>', '<axis xyz="0 0 0"/>', "K703", "has no axis"),
     "no number": ('xyz="0 0 0.1"', 'xyz="0 0 up"', "K703", "not 3 finite numbers"),
@@ -162,9 +197,19 @@ BROKEN = {  # what is replaced by what: the code, and a word of the message
     "empty box": ('size="0.4 0.4 0.1"', 'size="0.4 0 0.1"', "K702", "without a positive size"),
     "empty sphere": ('radius="0.1"', 'radius="-0.1"', "K702", "without a positive size"),
     "empty cylinder": ('length="0.4"', 'length="0"', "K702", "without a positive size"),
-    "no geometry": ('<geometry><sphere radius="0.1"/></geometry>', "", "K703", "without one geometry"),
+    "no geometry": (
+        '<geometry><sphere radius="0.1"/></geometry>',
+        "",
+        "K703",
+        "without one geometry",
+    ),
     "a shape": ('<sphere radius="0.1"/>', "<cone/>", "K703", "<cone> is not a shape"),
-    "leaving": ("package://crane/hook.obj", "package://crane/../../hook.obj", "K706", "leaves its package"),
+    "leaving": (
+        "package://crane/hook.obj",
+        "package://crane/../../hook.obj",
+        "K706",
+        "leaves its package",
+    ),
     "absolute": ("package://crane/hook.obj", "package:///etc/passwd", "K706", "there is no mesh"),
     "no scale": ('scale="2 2 2"', 'scale="2 0 2"', "K702", "a scale of 0"),
     "far away": ('xyz="0 0 0.1"', 'xyz="0 0 1e30"', "K113", "larger than"),

@@ -6,7 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of, free_scene_of
+from cellwright.engine.stages.geometry.world.collision_scene import (
+    collision_scene_of,
+    free_scene_of,
+)
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.loader.arm_file import bundled_arms, load_arm
 from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose, Sphere
@@ -17,9 +20,17 @@ UR5 = load_arm(bundled_arms()["ur5"])
 HOME = (0.1, -1.2, 1.3, -0.4, -1.5, 0.2)
 
 
-def block(name: str, parent: str, at: tuple[float, float, float], kind: BodyKind = BodyKind.PART) -> Body:
+def block(
+    name: str, parent: str, at: tuple[float, float, float], kind: BodyKind = BodyKind.PART
+) -> Body:
     shapes = (PlacedShape(Box((0.1, 0.1, 0.1))),)
-    return Body(name, kind, Placement(parent, Pose(at, (0.1, 0.2, 0.3))), shapes, {"top": Pose((0, 0, 0.05))})
+    return Body(
+        name,
+        kind,
+        Placement(parent, Pose(at, (0.1, 0.2, 0.3))),
+        shapes,
+        {"top": Pose((0, 0, 0.05))},
+    )
 
 
 def cell_with_two_arms() -> Cell:
@@ -27,7 +38,9 @@ def cell_with_two_arms() -> Cell:
     left = MountedArm(arm, Placement("world", Pose((-1.0, 0, 0))), Pose((0, 0, 0.1)), HOME)
     right = MountedArm(arm, Placement("table", Pose((1.0, 0, 0.2))), home=HOME)
     bodies = [block("part", "table", (0.2, 0.3, 0.1)), block("lid", "part", (0, 0, 0.1))]
-    bodies.append(Body("gripper", BodyKind.TOOL, Placement("left.flange"), (PlacedShape(Sphere(0.05)),)))
+    bodies.append(
+        Body("gripper", BodyKind.TOOL, Placement("left.flange"), (PlacedShape(Sphere(0.05)),))
+    )
     return Cell(
         "two",
         {"left": left, "right": right},
@@ -62,7 +75,9 @@ def test_locations_are_consistent_between_all_frames(a: str, b: str, c: str) -> 
     assert np.abs(world.pose(a, a) - np.eye(4)).max() < 1e-15
 
 
-def test_what_is_affixed_moves_along_and_what_is_put_back_on_the_world_stays(world: GeometricWorld) -> None:
+def test_what_is_affixed_moves_along_and_what_is_put_back_on_the_world_stays(
+    world: GeometricWorld,
+) -> None:
     gripped = world.affix("part", "left.tool")
     assert np.abs(gripped.pose("world", "part") - world.pose("world", "part")).max() < 1e-12
     moved = gripped.moved("left", np.array(HOME) + 0.3)
@@ -73,7 +88,10 @@ def test_what_is_affixed_moves_along_and_what_is_put_back_on_the_world_stays(wor
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.lists(st.floats(-2, 2), min_size=6, max_size=6), st.sampled_from(["left.tool", "right.wrist_2"]))
+@given(
+    st.lists(st.floats(-2, 2), min_size=6, max_size=6),
+    st.sampled_from(["left.tool", "right.wrist_2"]),
+)
 def test_affixing_and_putting_back_restores_the_tree(q: list[float], to: str) -> None:
     before = GeometricWorld.of(cell_with_two_arms()).moved("left", np.array(q))
     after = before.affix("part", to).affix("part", "table")
@@ -108,15 +126,21 @@ def test_an_arm_on_an_arm_is_carried_by_it() -> None:
     assert world.joints.parent[6] == 6
     moved = world.moved("left", np.array(HOME) + 0.2)
     assert (
-        np.abs(moved.pose("left.tool", "right.flange") - world.pose("left.tool", "right.flange")).max()
+        np.abs(
+            moved.pose("left.tool", "right.flange") - world.pose("left.tool", "right.flange")
+        ).max()
         < 1e-12
     )
-    assert np.abs(moved.pose("world", "right.flange") - world.pose("world", "right.flange")).max() > 0.1
+    assert (
+        np.abs(moved.pose("world", "right.flange") - world.pose("world", "right.flange")).max()
+        > 0.1
+    )
 
 
 def test_bodies_hang_on_the_carriers_of_what_they_are_affixed_to(world: GeometricWorld) -> None:
     carriers = {
-        piece.body: piece.carrier for piece in collision_scene_of(world.affix("part", "right.flange")).pieces
+        piece.body: piece.carrier
+        for piece in collision_scene_of(world.affix("part", "right.flange")).pieces
     }
     assert carriers["gripper"] == 6
     assert carriers["part"] == carriers["lid"] == 12
@@ -141,12 +165,18 @@ def test_a_free_scene_leaves_out_what_the_arms_carry(world: GeometricWorld) -> N
     assert is_rigid(np.stack([piece.T_carrier_piece for piece in scene.pieces]))
 
 
-def test_the_pairs_of_a_scene_are_those_of_two_carriers_that_may_not_touch(world: GeometricWorld) -> None:
+def test_the_pairs_of_a_scene_are_those_of_two_carriers_that_may_not_touch(
+    world: GeometricWorld,
+) -> None:
     allowed = frozenset(
         {frozenset({"part", "gripper"}), frozenset({"lid"}), frozenset({"left.forearm", "lid"})}
     )
     scene = collision_scene_of(world.affix("lid", "right.tool"), allowed=allowed)
-    own = {frozenset(f"{arm}.{link}" for link in pair) for arm in ("left", "right") for pair in UR5.allowed}
+    own = {
+        frozenset(f"{arm}.{link}" for link in pair)
+        for arm in ("left", "right")
+        for pair in UR5.allowed
+    }
     plain = [
         (i, j)
         for (i, one), (j, other) in combinations(enumerate(scene.pieces), 2)

@@ -1,4 +1,6 @@
-"""A part that is pressed against the rim creeps between the fingers: this is not taken for a drop into its hole."""
+"""A part that is pressed against the rim creeps between the fingers: this is not taken for a
+drop into its hole.
+"""
 
 from dataclasses import replace
 
@@ -23,6 +25,8 @@ def test_a_slow_descent_is_no_drop_and_a_quick_one_is(speed_m_s: float, dropped:
     now = replace(begin_insertion(at), phase=InsertionPhase.SEARCH, contact=at)
     phases = set()
     for n in range(1000):
-        now = advance_insertion(PLAN, now, np.array([0.0, 0.0, -speed_m_s * n * DT_S]), PLAN.press_n, DT_S)
+        now = advance_insertion(
+            PLAN, now, np.array([0.0, 0.0, -speed_m_s * n * DT_S]), PLAN.press_n, DT_S
+        )
         phases.add(now.phase)
     assert (InsertionPhase.INSERT in phases) is dropped

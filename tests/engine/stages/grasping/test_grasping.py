@@ -1,4 +1,6 @@
-"""Grasps, placements and regrasps: what a hand can take, how parts lie, and the shortest way between the two."""
+"""Grasps, placements and regrasps: what a hand can take, how parts lie, and the shortest way
+between the two.
+"""
 
 from itertools import product
 
@@ -16,7 +18,11 @@ from cellwright.engine.model.manipulation_values import (
     Regrasps,
     Unplaceable,
 )
-from cellwright.engine.stages.grasping.grasp_approach import GraspPlane, approach_by_potential, plan_approach
+from cellwright.engine.stages.grasping.grasp_approach import (
+    GraspPlane,
+    approach_by_potential,
+    plan_approach,
+)
 from cellwright.engine.stages.grasping.grasp_synthesis import blocks_meet, jaw_grasps
 from cellwright.engine.stages.grasping.stable_placements import (
     shortest_regrasps,
@@ -49,7 +55,10 @@ def test_a_grasp_far_from_the_centre_of_mass_of_a_heavy_part_slips() -> None:
 
 
 def test_a_channel_is_not_taken_across_its_gap() -> None:
-    """Its outer faces are parallel, but above the base there is air between them. The faces of the gap look inwards."""
+    """Its outer faces are parallel, but above the base there is air between them.
+
+    The faces of the gap look inwards.
+    """
     outline = [
         (0.0, 0.0),
         (0.07, 0.0),
@@ -60,7 +69,9 @@ def test_a_channel_is_not_taken_across_its_gap() -> None:
         (0.02, 0.12),
         (0.0, 0.12),
     ]
-    found = jaw_grasps(prism("channel", outline, 0.09), JAWS, 0.012, 0.1, np.array([0.035, 0.05, 0.0]))
+    found = jaw_grasps(
+        prism("channel", outline, 0.09), JAWS, 0.012, 0.1, np.array([0.035, 0.05, 0.0])
+    )
     across = [each for each in found if each.width_m == pytest.approx(0.07)]
     assert found
     assert all(each.T_part_hand[0, 1, 3] < 0.02 for each in across)
@@ -95,7 +106,11 @@ def brute_force(start: Truths, goal: Truths, possible: Truths) -> int | None:
         for sequence in product(range(rests), repeat=count):
             held = start.copy()
             for rest in sequence:
-                held = possible[:, rest] if (held & possible[:, rest]).any() else np.zeros(holds, dtype=bool)
+                held = (
+                    possible[:, rest]
+                    if (held & possible[:, rest]).any()
+                    else np.zeros(holds, dtype=bool)
+                )
             if (held & goal).any():
                 return count
     return None
@@ -103,7 +118,10 @@ def brute_force(start: Truths, goal: Truths, possible: Truths) -> int | None:
 
 @settings(max_examples=60, deadline=None)
 @given(
-    seed=st.integers(0, 10**6), holds=st.integers(1, 6), rests=st.integers(0, 4), share=st.floats(0.1, 0.6)
+    seed=st.integers(0, 10**6),
+    holds=st.integers(1, 6),
+    rests=st.integers(0, 4),
+    share=st.floats(0.1, 0.6),
 )
 def test_the_shortest_sequence_is_that_of_brute_force(
     seed: int, holds: int, rests: int, share: float
@@ -158,7 +176,9 @@ def _meets_plainly(corners: Floats, half: Floats) -> Truths:
 
 
 def _separated_plainly(corners: Floats, half: Floats) -> Truths:
-    """Whether the triangle's plane, or a plane along an edge of it and one of the block, separates them (n,)."""
+    """Whether the triangle's plane, or a plane along an edge of it and one of the block,
+    separates them (n,).
+    """
     edges = np.roll(corners, -1, axis=1) - corners
     normal = np.cross(edges[:, 0], edges[:, 1])
     apart = np.abs((normal * corners[:, 0]).sum(axis=1)) > np.abs(normal) @ half
@@ -178,7 +198,9 @@ def test_compiled_loops_say_what_the_plain_computation_says(seed: int) -> None:
     random = np.random.default_rng(seed)
     T = np.array(
         [
-            transform(rotation_by_vector(random.normal(size=3) * (seed % 3)), random.uniform(-2, 2, 3))
+            transform(
+                rotation_by_vector(random.normal(size=3) * (seed % 3)), random.uniform(-2, 2, 3)
+            )
             for _ in range(4)
         ]
     )
@@ -213,7 +235,10 @@ def trap() -> GraspPlane:
     y = np.linspace(-0.06, 0.06, 25)
     wall = [(x, each, -0.1) for each in y for x in (-0.03, 0.03)]
     sides = [
-        (x, side, z) for z in np.linspace(-0.16, -0.1, 13) for side in (-0.06, 0.06) for x in (-0.03, 0.03)
+        (x, side, z)
+        for z in np.linspace(-0.16, -0.1, 13)
+        for side in (-0.06, 0.06)
+        for x in (-0.03, 0.03)
     ]
     return plane(*wall, *sides)
 

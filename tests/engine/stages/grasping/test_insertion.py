@@ -19,7 +19,9 @@ ROOM_M, DT_S = 0.0002, 0.004
 
 
 def ended(plan: Insertion, error: Floats, looks: int = 40_000) -> InsertionPhase:
-    """The phase in which an insertion ends, with a part that goes where it is told, and in where there is room."""
+    """The phase in which an insertion ends, with a part that goes where it is told, and in
+    where there is room.
+    """
     at, force = np.array([*error, 0.004]), 0.0
     now = begin_insertion(at)
     for _ in range(looks):
@@ -66,9 +68,17 @@ def test_a_round_part_is_tilted_where_the_spiral_would_take_longer_and_its_edge_
     None
 ):
     doubt = np.diag([0.0005**2, 0.0005**2])
-    assert plan_insertion(0.01, 0.0001, doubt, radius_m=0.01, length_m=0.05).search is HoleSearch.TILT
-    assert plan_insertion(0.01, 0.0004, doubt, radius_m=0.01, length_m=0.05).search is HoleSearch.SPIRAL
-    assert plan_insertion(0.01, 0.0001, doubt, radius_m=0.004, length_m=0.05).search is HoleSearch.SPIRAL
+    assert (
+        plan_insertion(0.01, 0.0001, doubt, radius_m=0.01, length_m=0.05).search is HoleSearch.TILT
+    )
+    assert (
+        plan_insertion(0.01, 0.0004, doubt, radius_m=0.01, length_m=0.05).search
+        is HoleSearch.SPIRAL
+    )
+    assert (
+        plan_insertion(0.01, 0.0001, doubt, radius_m=0.004, length_m=0.05).search
+        is HoleSearch.SPIRAL
+    )
 
 
 def test_a_part_that_is_led_past_every_wall_is_given_up() -> None:

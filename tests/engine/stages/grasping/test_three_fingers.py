@@ -1,4 +1,6 @@
-"""Grasps by three fingers: closed by force, on the surface, and strong enough whichever way the part is turned."""
+"""Grasps by three fingers: closed by force, on the surface, and strong enough whichever way the
+part is turned.
+"""
 
 import math
 
@@ -30,12 +32,17 @@ def prism(corners: Floats, height: float) -> Solid:
     low = np.column_stack([corners, np.zeros(len(corners))])
     high = low + np.array([0.0, 0.0, height])
     up = np.array([0.0, 0.0, 1.0])
-    surfaces = [("top", triangulate_polygon(high, up)), ("bottom", triangulate_polygon(low[::-1], -up))]
+    surfaces = [
+        ("top", triangulate_polygon(high, up)),
+        ("bottom", triangulate_polygon(low[::-1], -up)),
+    ]
     for n in range(len(corners)):
         m = (n + 1) % len(corners)
         side = np.array([low[n], low[m], high[m], high[n]])
         normal = np.cross(side[1] - side[0], side[2] - side[1])
-        surfaces.append((f"side_{n + 1}", triangulate_polygon(side, normal / np.linalg.norm(normal))))
+        surfaces.append(
+            (f"side_{n + 1}", triangulate_polygon(side, normal / np.linalg.norm(normal)))
+        )
     return make_solid("prism", surfaces)
 
 
@@ -49,7 +56,9 @@ def grasps(part: Solid) -> list[Grasp]:
 
 
 def contacts_of(part: Solid, grasp: Grasp) -> Floats:
-    """The contacts that the fingers' ways lead to: three points in the part's frame, and the normals of their facets."""
+    """The contacts that the fingers' ways lead to: three points in the part's frame, and the
+    normals of their facets.
+    """
     begins, outwards = HAND.ways(grasp.fingers[3])
     T = grasp.T_part_hand[0]
     points = T[:3, 3] + (begins + outwards * np.array(grasp.fingers[:3])[:, None]) @ T[:3, :2].T
@@ -81,7 +90,9 @@ def test_a_triangle_is_held_at_its_three_sides() -> None:
 @settings(max_examples=12, deadline=None)
 @given(st.integers(3, 8), st.integers(0, 2**31))
 def test_the_weight_is_held_whichever_way_it_pulls(count: int, seed: int) -> None:
-    """What is held along the axes is held in all directions by convexity, a third of the root less."""
+    """What is held along the axes is held in all directions by convexity, a third of the root
+    less.
+    """
     part = regular(count)
     centre = volume_and_centre(part)[1]
     grasp = grasps(part)[0]

@@ -1,4 +1,6 @@
-"""Which operators break a group, compiled and interpreted, is what trying every state of the group tells."""
+"""Which operators break a group, compiled and interpreted, is what trying every state of the
+group tells.
+"""
 
 from types import ModuleType
 
@@ -15,15 +17,20 @@ BOTH = pytest.mark.parametrize(
     "module", [conserving, interpreted(conserving)], ids=["imported", "interpreted"]
 )
 sets = st.sets(st.integers(0, SIZE - 1), max_size=3).map(bitset)
-Operator = tuple[Bits, Bits, Bits, tuple[Bits, ...]]  # needs, adds, deletes, what conditional effects add
+# needs, adds, deletes, what conditional effects add
+Operator = tuple[Bits, Bits, Bits, tuple[Bits, ...]]
 operators = st.lists(
-    st.tuples(sets, sets, sets, st.sampled_from([(), (), ()]) | st.lists(sets, max_size=2).map(tuple)),
+    st.tuples(
+        sets, sets, sets, st.sampled_from([(), (), ()]) | st.lists(sets, max_size=2).map(tuple)
+    ),
     max_size=7,
 )
 
 
 def breaks(group: Bits, operator: Operator) -> bool:
-    """Whether two atoms of the group can be true after an operator that finds at most one of them true."""
+    """Whether two atoms of the group can be true after an operator that finds at most one of
+    them true.
+    """
     needs, adds, deletes, more = operator
     every = adds
     for each in more:
@@ -32,7 +39,9 @@ def breaks(group: Bits, operator: Operator) -> bool:
         return True  # whether it can happen is not looked at
     states = [0, *(1 << atom for atom in indices(group))]
     return bool(every & group) and any(
-        ((state & ~deletes | every) & group).bit_count() > 1 for state in states if not needs & group & ~state
+        ((state & ~deletes | every) & group).bit_count() > 1
+        for state in states
+        if not needs & group & ~state
     )
 
 

@@ -49,7 +49,8 @@ def _in_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_operator_with_a_billion_instances_is_stopped_at_its_place(domain: Path) -> None:
     (domain / "domain.yaml").write_text(DOMAIN.replace("SIZE", "1000"))
     with pytest.raises(
-        InvalidInput, match=r"domain\.yaml:10:3: error K307: .*act\(A, B, C\) \(up to 1e\+09 instances\)"
+        InvalidInput,
+        match=r"domain\.yaml:10:3: error K307: .*act\(A, B, C\) \(up to 1e\+09 instances\)",
     ):
         ground(load_problem(str(domain / "problems" / "p.yaml")))
 
@@ -94,7 +95,8 @@ def test_no_more_bindings_than_the_bound(
 ) -> None:
     """`one(A, B), two(B, C), three(A)` over four values for each variable."""
     counted = sum(
-        (a, b) in one and (b, c) in two and a in three for a, b, c in itertools.product(range(4), repeat=3)
+        (a, b) in one and (b, c) in two and a in three
+        for a, b, c in itertools.product(range(4), repeat=3)
     )
     known = [({A, B}, len(one)), ({B, C}, len(two)), ({A}, len(three))]
     bound = instance_bounds.most_bindings({A: 4.0, B: 4.0, C: 4.0}, known)

@@ -16,12 +16,17 @@ from cellwright.kb.terms import ANYTHING, Function
 
 def many(folder: Path, count: int, goals: str, more: str = "") -> Problem:
     """Points of which every third is a profile; the goals are given."""
-    kinds = "".join(f"  - needs(m{n}, {'thickness' if n % 3 else 'profile'})\n" for n in range(1, count + 1))
-    kinds += "".join(f"  - position(m{n}, {n}000, {n * n % 90}000, 0)\n" for n in range(1, count + 1))
+    kinds = "".join(
+        f"  - needs(m{n}, {'thickness' if n % 3 else 'profile'})\n" for n in range(1, count + 1)
+    )
+    kinds += "".join(
+        f"  - position(m{n}, {n}000, {n * n % 90}000, 0)\n" for n in range(1, count + 1)
+    )
     start = "initial:\n  - at(t3_746, in_contact_point(meas(m1)))\n  - holding(t3_746, us_probe)\n"
     path = folder / "many.yaml"
     path.write_text(
-        f"problem: many\ndomain: bulkhead\nobjects:\n  measurement: [m1..{count}]\nstatics:\n{kinds}{more}{start}goals: []\n"
+        "problem: many\ndomain: bulkhead\nobjects:\n  measurement: "
+        f"[m1..{count}]\nstatics:\n{kinds}{more}{start}goals: []\n"
     )
     loaded = load(find_target(str(path)))
     assert loaded.problem is not None
@@ -35,7 +40,9 @@ def test_what_is_measured_elsewhere_is_not_relevant(tmp_path: Path) -> None:
     needed = find_relevance(many(tmp_path, 9, ONE))
     place = Function("meas", (Function("m7"),))
     assert not needed.concerns(Function("measured", (ANYTHING, ANYTHING, place)))
-    assert needed.concerns(Function("at", (Function("t3_746"), Function("approach_point", (place,)))))
+    assert needed.concerns(
+        Function("at", (Function("t3_746"), Function("approach_point", (place,))))
+    )
 
 
 def test_points_that_play_no_part_are_left_out(tmp_path: Path) -> None:
@@ -63,7 +70,9 @@ def test_no_object_is_left_out_of_a_small_problem() -> None:
 
 def test_a_point_with_something_of_its_own_stays(tmp_path: Path) -> None:
     state = many(tmp_path, 60, ONE)
-    marked = Function("couplant_applied", (Function("goal_point", (Function("meas", (Function("m50"),)),)),))
+    marked = Function(
+        "couplant_applied", (Function("goal_point", (Function("meas", (Function("m50"),)),)),)
+    )
     own = state.replace((*drop_irrelevant_objects(state).problem.initial, marked))
     assert "m50" in drop_irrelevant_objects(own).left_out  # it does not matter for m5
     both = with_goals(state.domain, f"{ONE}, measured(_, _, meas(m50))", state)

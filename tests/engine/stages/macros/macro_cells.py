@@ -1,4 +1,6 @@
-"""Plans and worlds for the tests of macros: golden plans of the bundled cells, and the paper's own operators."""
+"""Plans and worlds for the tests of macros: golden plans of the bundled cells, and the paper's
+own operators.
+"""
 
 import dataclasses
 import functools
@@ -15,7 +17,14 @@ from cellwright.kb.loader.plan import load_plan
 from cellwright.kb.model.conditions import And, Literal, part_variables
 from cellwright.kb.model.plan_model import Macrop, Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Chain, Problem
-from cellwright.kb.terms import Function, Term, Variable, substitute_atom, substitute_term, term_variables
+from cellwright.kb.terms import (
+    Function,
+    Term,
+    Variable,
+    substitute_atom,
+    substitute_term,
+    term_variables,
+)
 from tests.places import BUNDLED as DOMAINS
 
 HERE = Path(__file__).parent
@@ -77,7 +86,12 @@ def figure_4() -> Example:
     ]
     arm, tool = Function("t3_746"), Function("us_probe")
     steps = tuple(
-        Step(StepId(n), atom(name), (StepId(n - 1),) if n > 1 else (), (tool, arm) if n == 5 else (arm,))
+        Step(
+            StepId(n),
+            atom(name),
+            (StepId(n - 1),) if n > 1 else (),
+            (tool, arm) if n == 5 else (arm,),
+        )
         for n, name in enumerate(names, 1)
     )
     return example(problem, Plan(steps))
@@ -111,4 +125,6 @@ def posed(found: Example, bindings: dict[Variable, Term]) -> Problem:
         dict.fromkeys(substitute_atom(p.atom, bindings) for p in macrop.preconditions if p.positive)
     )
     goals = And(tuple(Literal(substitute_atom(g.atom, bindings), g.positive) for g in macrop.goals))
-    return dataclasses.replace(found.problem, goal=goals, chains=chains, initial=initial, complete=True)
+    return dataclasses.replace(
+        found.problem, goal=goals, chains=chains, initial=initial, complete=True
+    )

@@ -15,7 +15,10 @@ def assert_body_of_figure_4(macrop: Macrop) -> None:
     """All that the figure lists but its n-ary constraints."""
     assert str(macrop.name) == "measured(Id1, Tool1, Arm1, Id2)"
     assert texts(macrop.goals) == {"measured(Tool1, Arm1, meas(Id2))"}
-    assert texts(macrop.preconditions) == {"at(Arm1, in_contact_point(meas(Id1)))", "holding(Arm1, Tool1)"}
+    assert texts(macrop.preconditions) == {
+        "at(Arm1, in_contact_point(meas(Id1)))",
+        "holding(Arm1, Tool1)",
+    }
     assert texts(macrop.adders) == {
         "at(Arm1, in_contact_point(meas(Id2)))",
         "measured(Tool1, Arm1, meas(Id2))",
@@ -51,8 +54,15 @@ def test_the_bundled_cell_gives_figure_4_with_the_constraints_that_its_operators
     macrop = found.learned.macrop
     assert_body_of_figure_4(macrop)
     assert texts(macrop.unary_constraints(found.problem.domain)) == {"Tool1: us_tool", "Arm1: arm"}
-    own = {"needs(Id2, thickness)", "suitable(Tool1, Id2)", "visited(meas(Id1))", "anywhere(meas(Id2))"}
-    assert texts(macrop.constraints) == {"can_lift(Arm1, W1)", "weight(Tool1, W2)", "W2 <= W1"} | own
+    own = {
+        "needs(Id2, thickness)",
+        "suitable(Tool1, Id2)",
+        "visited(meas(Id1))",
+        "anywhere(meas(Id2))",
+    }
+    assert (
+        texts(macrop.constraints) == {"can_lift(Arm1, W1)", "weight(Tool1, W2)", "W2 <= W1"} | own
+    )
     assert texts(macrop.disequalities) == {"Id1 != Id2"}
     assert macrop.exclusions == ()
     assert (macrop.cost, macrop.duration) == (5, None)  # a move lasts as long as its way

@@ -1,4 +1,6 @@
-"""Generalising keeps the plan, and every instance that satisfies a MACROP is a plan to the independent checker."""
+"""Generalising keeps the plan, and every instance that satisfies a MACROP is a plan to the
+independent checker.
+"""
 
 import dataclasses
 from collections.abc import Iterator
@@ -13,7 +15,11 @@ from cellwright.engine.stages.lifted.cell_domain import Situation
 from cellwright.engine.stages.lifted.operator_schemas import NotGeneral
 from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
 from cellwright.engine.stages.macros.lookup.macro_lookup import instantiate_macro
-from cellwright.engine.stages.macros.lookup.macro_matching import MatchingBudget, MatchingOrder, match_macro
+from cellwright.engine.stages.macros.lookup.macro_matching import (
+    MatchingBudget,
+    MatchingOrder,
+    match_macro,
+)
 from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.loader.problem_amounts import amounts_of
@@ -25,7 +31,9 @@ from cellwright.kb.terms import Function, Term, Variable, substitute_atom
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
 def test_instantiating_with_the_original_constants_gives_the_plan_back(path: Path) -> None:
     found = golden(path)
-    again = instantiate_macro(found.learned.macrop, found.learned.bindings, amounts_of(found.problem))
+    again = instantiate_macro(
+        found.learned.macrop, found.learned.bindings, amounts_of(found.problem)
+    )
     assert again.steps == found.plan.steps
     assert set(again.links) == set(found.plan.links)
 
@@ -55,7 +63,9 @@ def _leaves(term: Term) -> Iterator[Term]:
 )  # fmt: skip
 @given(data=st.data())
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
-def test_every_instance_that_satisfies_a_macrop_passes_the_checker(name: str, data: st.DataObject) -> None:
+def test_every_instance_that_satisfies_a_macrop_passes_the_checker(
+    name: str, data: st.DataObject
+) -> None:
     found = bundled(name)
     macrop = found.learned.macrop
     bindings = found.learned.bindings | dict(_changes(found, data))
@@ -68,7 +78,9 @@ def _changes(found: Example, data: st.DataObject) -> Iterator[tuple[Variable, Te
     """A few variables of the binding changed, some of them to what another variable stands for."""
     typed = found.learned.macrop.types
     for parameter in data.draw(st.lists(st.sampled_from(typed), max_size=4)):
-        values = sorted((each.arguments[0] for each in found.world.statics.named(parameter.type)), key=str)
+        values = sorted(
+            (each.arguments[0] for each in found.world.statics.named(parameter.type)), key=str
+        )
         yield parameter.variable, data.draw(st.sampled_from(values))
 
 
@@ -123,7 +135,9 @@ def test_matching_agrees_with_brute_force() -> None:
             Variable("Arm1"): Function("t3_746"),
             Variable("Id2"): Function("m2"),
         }
-        held = all(substitute_atom(p.atom, bindings) in situation.facts for p in macrop.preconditions)
+        held = all(
+            substitute_atom(p.atom, bindings) in situation.facts for p in macrop.preconditions
+        )
         if held and constraints_hold(macrop, world, bindings):
             tried.add(tuple(bindings[p] for p in macrop.parameters))
     assert joined

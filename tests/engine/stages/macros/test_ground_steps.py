@@ -36,10 +36,15 @@ def test_a_ground_step_does_in_every_state_what_its_operator_does(path: Path) ->
             if known is None:
                 continue
             step = Step(StepId(1), operator)
-            slow, fast = LiftedExecution(found.world, here.facts), LiftedExecution(found.world, here.facts)
+            slow, fast = (
+                LiftedExecution(found.world, here.facts),
+                LiftedExecution(found.world, here.facts),
+            )
             assert bool(slow.take_any(step)) == bool(fast.take_known(step, known))
             assert frozenset(slow.facts) == frozenset(fast.facts)
             compared += 1
         change = found.world.change(taken.operator, here.facts)
         here = Situation(found.world, change.applied(here.facts))
-    assert compared or any(found.world.ground_step(step.operator) is None for step in found.plan.steps)
+    assert compared or any(
+        found.world.ground_step(step.operator) is None for step in found.plan.steps
+    )

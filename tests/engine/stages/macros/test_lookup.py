@@ -1,4 +1,6 @@
-"""Lookup misses nothing that fits, and its fast check accepts no plan that the independent checker refuses."""
+"""Lookup misses nothing that fits, and its fast check accepts no plan that the independent
+checker refuses.
+"""
 
 import dataclasses
 import functools
@@ -13,7 +15,11 @@ from macro_cells import GOLDEN, Example, atom, bundled, golden
 
 from cellwright.engine.stages.lifted.cell_domain import Situation
 from cellwright.engine.stages.macros.lookup.macro_index import MacroIndex
-from cellwright.engine.stages.macros.lookup.macro_lookup import MacroRefusal, check_instance, look_up
+from cellwright.engine.stages.macros.lookup.macro_lookup import (
+    MacroRefusal,
+    check_instance,
+    look_up,
+)
 from cellwright.engine.stages.macros.lookup.macro_matching import (
     MatchingBudget,
     MatchingOrder,
@@ -21,7 +27,11 @@ from cellwright.engine.stages.macros.lookup.macro_matching import (
     join_macro_goals,
     match_macro,
 )
-from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery, make_query, query_variants
+from cellwright.engine.stages.macros.lookup.macro_query import (
+    MacroQuery,
+    make_query,
+    query_variants,
+)
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.model.conditions import And, Literal
 from cellwright.kb.model.plan_model import Plan, Step
@@ -72,7 +82,9 @@ def states(found: Example) -> list[Situation]:
 
 def goals_of(found: Example) -> list[Literal]:
     """Everything that is ever true of the cell along a plan."""
-    return [Literal(each) for each in sort_naturally({a for here in states(found) for a in here.facts})]
+    return [
+        Literal(each) for each in sort_naturally({a for here in states(found) for a in here.facts})
+    ]
 
 
 @functools.cache
@@ -88,7 +100,9 @@ def chainless() -> tuple[Example, ...]:
 def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None:
     found = data.draw(st.sampled_from(chainless()))
     here = data.draw(st.sampled_from(states(found)))
-    goals = data.draw(st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=2, unique=True))
+    goals = data.draw(
+        st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=2, unique=True)
+    )
     problem = dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=())
     whole = make_query(problem, here)
     assert whole is not None
@@ -109,10 +123,14 @@ def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None
 @pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
-def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data: st.DataObject) -> None:
+def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(
+    data: st.DataObject,
+) -> None:
     found = data.draw(st.sampled_from(chainless()))
     here = data.draw(st.sampled_from(states(found)))
-    goals = data.draw(st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=3, unique=True))
+    goals = data.draw(
+        st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=3, unique=True)
+    )
     whole = make_query(dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=()), here)
     assert whole is not None
     for each in query_variants(whole):
@@ -129,7 +147,8 @@ def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data:
             except OutOfWork:
                 continue
             fast = {
-                frozenset(bindings.items()) for bindings in match_macro(bare, each, MatchingBudget(100_000))
+                frozenset(bindings.items())
+                for bindings in match_macro(bare, each, MatchingBudget(100_000))
             }
             assert fast == plain
 
@@ -164,7 +183,9 @@ def _taught(found: Example) -> Iterator[object]:
         for goal in sort_naturally(set(reached[-1].facts) - set(reached[first].facts))[:3]:
             problem = dataclasses.replace(found.problem, goal=Literal(goal), chains=())
             try:
-                yield generalise_plan(problem, Plan(steps), found.world, reached[first].state).macrop
+                yield generalise_plan(
+                    problem, Plan(steps), found.world, reached[first].state
+                ).macrop
             except NotGeneral:
                 continue
 
@@ -192,7 +213,9 @@ def _without(steps: list[Step], place: int) -> list[Step]:
     return [
         dataclasses.replace(
             step,
-            after=tuple(dict.fromkeys(b for a in step.after for b in (gone.after if a == gone.id else (a,)))),
+            after=tuple(
+                dict.fromkeys(b for a in step.after for b in (gone.after if a == gone.id else (a,)))
+            ),
         )
         for step in steps
         if step.id != gone.id
@@ -202,7 +225,9 @@ def _without(steps: list[Step], place: int) -> list[Step]:
 @each_golden
 @given(data=st.data())
 @settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
-def test_the_fast_check_accepts_only_what_the_checker_accepts(path: Path, data: st.DataObject) -> None:
+def test_the_fast_check_accepts_only_what_the_checker_accepts(
+    path: Path, data: st.DataObject
+) -> None:
     found = golden(path)
     plan = data.draw(spoilt(found.plan))
     accepted = isinstance(check_instance(plan, asked(found)), Situation)

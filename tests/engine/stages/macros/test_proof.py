@@ -1,4 +1,6 @@
-"""Proofs of random plans: what was generalised gives the plan back, and each of its instances passes the checker."""
+"""Proofs of random plans: what was generalised gives the plan back, and each of its instances
+passes the checker.
+"""
 
 import dataclasses
 from collections.abc import Iterable
@@ -39,7 +41,9 @@ def planned(draw: st.DrawFn) -> tuple[Problem, Plan]:
     except InvalidInput:
         assume(False)
     state, steps = task.initial, []
-    own = [each for each in task.operators if not is_internal(each.instance) and not each.conditional]
+    own = [
+        each for each in task.operators if not is_internal(each.instance) and not each.conditional
+    ]
     for _ in range(draw(st.integers(1, 4))):
         following = [each for each in own if each.preconditions & ~state == 0]
         assume(following)
@@ -74,7 +78,8 @@ def test_every_instance_of_a_random_proof_passes_the_checker(
     own = found.learned.bindings
     assert constraints_hold(macrop, found.world, own)
     again = [
-        (step.operator, step.after) for step in instantiate_macro(macrop, own, amounts_of(case[0])).steps
+        (step.operator, step.after)
+        for step in instantiate_macro(macrop, own, amounts_of(case[0])).steps
     ]
     assert again == [(step.operator, step.after) for step in found.plan.steps]
     changed: dict[Variable, Term] = {each: data.draw(st.sampled_from(CONSTANTS)) for each in own}
@@ -143,7 +148,9 @@ STATICS = (
 )
 
 
-def macrop(goals: str, initial: tuple[str, ...], steps: tuple[Step, ...], *links: CausalLink) -> Macrop:
+def macrop(
+    goals: str, initial: tuple[str, ...], steps: tuple[Step, ...], *links: CausalLink
+) -> Macrop:
     """What is learned from a plan, which is valid."""
     found = posed(goals, initial, SHELF, statics=STATICS, rules=RULES)
     plan = Plan(steps, links)
@@ -169,8 +176,11 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
             id="a step keeps its constraints",
         ),
         pytest.param(
-            "at(bolt, rack)", "at(bolt, table)", (MOVE, step(2, "move(bolt, bin, rack)", 1, holds=ARM)),
-            {"at(I1, From1)"}, {"fits(I1, To1)", "fits(I1, To2)"}, {"From1 != To1", "To1 != To2"}, {"at(I1, To2)"},
+            "at(bolt, "
+            "rack)", "at(bolt, table)", (MOVE, step(2, "move(bolt, bin, rack)", 1, holds=ARM)),
+            {"at(I1, "
+            "From1)"}, {"fits(I1, "
+            "To1)", "fits(I1, To2)"}, {"From1 != To1", "To1 != To2"}, {"at(I1, To2)"},
             id="a link makes what it joins equal, and the way may lead back",
         ),
         pytest.param(
@@ -178,7 +188,8 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
             (MOVE, step(2, "move(nut, table, bin)", 1, holds=ARM)),
             {"at(I1, From1)", "at(I2, From2)"}, {"fits(I1, To1)", "fits(I2, To2)"},
             {"From1 != To1", "From2 != To2", "I1 != I2"}, {"at(I1, To1)", "at(I2, To2)"},
-            id="what was the same by chance may differ, and what one step would undo of another may not be the same",
+            id="what was the same by chance may differ, and what one step would undo of "
+            "another may not be the same",
         ),
         pytest.param(
             "at(bolt, rack)", "at(bolt, table)", (step(1, "store(bolt, rack)", holds=("bolt",)),),
@@ -187,7 +198,8 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
         ),
         pytest.param(
             "at(bolt, rack), at(nut, bin)", "at(bolt, table); at(nut, table)",
-            (step(1, "store(bolt, rack)", holds=("bolt",)), step(2, "move(nut, table, bin)", holds=ARM)),
+            (step(1, "store(bolt, "
+            "rack)", holds=("bolt",)), step(2, "move(nut, table, bin)", holds=ARM)),
             {"at(I2, From1)"}, {"W <= M", "fits(I2, To1)", "most(P1, M)", "weight(I1, W)"},
             {"From1 != To1", "I1 != I2", "I1 != arm"}, {"at(I1, P1)", "at(I2, To1)"},
             id="unordered steps hold different resources",
@@ -196,10 +208,12 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
             "tried, at(bolt, rack), at(nut, bin)", "at(bolt, table); at(nut, table)",
             (
                 step(1, "light(red)"), step(2, "look(red)", 1),
-                step(3, "store(bolt, rack)", holds=("bolt",)), step(4, "move(nut, table, bin)", holds=ARM),
+                step(3, "store(bolt, "
+                "rack)", holds=("bolt",)), step(4, "move(nut, table, bin)", holds=ARM),
             ),
             {"at(I2, From1)"}, {"W <= M", "fits(I2, To1)", "most(P1, M)", "weight(I1, W)"},
-            {"From1 != To1", "I1 != I2", "I1 != arm"}, {"at(I1, P1)", "at(I2, To1)", "lit(L1)", "tried"},
+            {"From1 != "
+            "To1", "I1 != I2", "I1 != arm"}, {"at(I1, P1)", "at(I2, To1)", "lit(L1)", "tried"},
             id="unordered steps hold different resources, whichever steps come before them",
         ),
         pytest.param(
@@ -209,12 +223,14 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
             id="what a step makes false by a rule it does under the conditions of this rule",
         ),
         pytest.param(
-            "lit(red), not lit(green)", "lit(green)", (step(1, "light(red)"), step(2, "douse(green)")),
+            "lit(red), not "
+            "lit(green)", "lit(green)", (step(1, "light(red)"), step(2, "douse(green)")),
             set(), set(), {"L1 != L2"}, {"lit(L1)"},
             id="unordered steps do not undo each other",
         ),
         pytest.param(
-            "lit(red), not lit(green)", "lit(green)", (step(1, "douse(green)"), step(2, "light(red)", 1)),
+            "lit(red), not "
+            "lit(green)", "lit(green)", (step(1, "douse(green)"), step(2, "light(red)", 1)),
             set(), set(), {"L1 != L2"}, {"lit(L2)"},
             id="what was made false is not made true later",
         ),
@@ -235,7 +251,8 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
             id="what a step needs is not ended by another that may come before it",
         ),
         pytest.param(
-            "tried, not lit(red)", "", (step(1, "light(red)"), step(2, "look(red)", 1), step(3, "douse(red)", 2)),
+            "tried, not "
+            "lit(red)", "", (step(1, "light(red)"), step(2, "look(red)", 1), step(3, "douse(red)", 2)),
             set(), set(), set(), {"tried"},
             id="what comes after the consumer is no threat",
         ),
@@ -247,7 +264,9 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
         pytest.param(
             "clean(bolt), at(nut, bin)", "at(bolt, table); at(nut, table)",
             (WIPE, step(2, "move(nut, table, bin)", holds=ARM)),
-            {"at(I1, table)", "at(I2, From1)", "not dirty"}, {"fits(I2, To1)"}, {"From1 != To1", "I1 != I2"},
+            {"at(I1, "
+            "table)", "at(I2, "
+            "From1)", "not dirty"}, {"fits(I2, To1)"}, {"From1 != To1", "I1 != I2"},
             {"at(I2, To1)", "clean(I1)"},
             id="what stays as it was is not ended beside the step that needs it",
         ),
@@ -287,7 +306,8 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
             id="rules that lead back to themselves end",
         ),
         pytest.param(
-            "over(bolt, nut), tried", "", (step(1, "stack(bolt, nut)"), step(2, "turn(bolt, nut, nut, bolt)", 1)),
+            "over(bolt, nut), "
+            "tried", "", (step(1, "stack(bolt, nut)"), step(2, "turn(bolt, nut, nut, bolt)", 1)),
             set(), set(), {"J1 != K1"}, {"over(I1, J1)", "tried"},
             id="what a constraint keeps apart is not kept apart again",
         ),
@@ -312,7 +332,9 @@ def test_a_macrop_demands_what_its_proof_rests_on_and_no_more(
 
 def test_the_goals_of_a_macrop_are_those_that_its_plan_achieves() -> None:
     assert texts(macrop("lit(red)", ("lit(red)",), (step(1, "light(red)"),)).goals) == set()
-    both = macrop("lit(red), not lit(green), not lit(green)", ("lit(green)",), (step(1, "swap(red, green)"),))
+    both = macrop(
+        "lit(red), not lit(green), not lit(green)", ("lit(green)",), (step(1, "swap(red, green)"),)
+    )
     assert texts(both.goals) == {"lit(L1)", "not lit(M1)"}
     assert texts(macrop("lit(_)", (), (step(1, "light(red)"),)).goals) == {"lit(L1)"}
 
@@ -329,12 +351,18 @@ def test_links_say_which_step_provides_what() -> None:
 
 
 def test_links_of_the_plan_decide_who_provides_a_condition() -> None:
-    """Lit twice: without links the first step counts, since the lamp stays lit; a link may name the second."""
+    """Lit twice: without links the first step counts, since the lamp stays lit; a link may name
+    the second.
+    """
     steps = (step(1, "light(red)"), step(2, "light(red)", 1), step(3, "look(red)", 2))
     plain = macrop("tried", (), steps)
     told = macrop("tried", (), steps, link(2, "lit(red)", 3))
-    assert "1 lit(L1) 3" in [f"{each.producer} {each.condition} {each.consumer}" for each in plain.links]
-    assert "2 lit(L2) 3" in [f"{each.producer} {each.condition} {each.consumer}" for each in told.links]
+    assert "1 lit(L1) 3" in [
+        f"{each.producer} {each.condition} {each.consumer}" for each in plain.links
+    ]
+    assert "2 lit(L2) 3" in [
+        f"{each.producer} {each.condition} {each.consumer}" for each in told.links
+    ]
     assert str(plain.steps[2].operator) == "look(L1)"
     assert str(told.steps[2].operator) == "look(L2)"
 
@@ -393,4 +421,6 @@ operators:
 
 def test_a_plan_that_another_order_breaks_is_not_generalised() -> None:
     steps = (step(1, "bump(red)"), step(2, "light(red)"))
-    assert "the original plan itself does not exclude this" in refused("lit(red), tried", steps, "dirty")
+    assert "the original plan itself does not exclude this" in refused(
+        "lit(red), tried", steps, "dirty"
+    )

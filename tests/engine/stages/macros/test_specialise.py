@@ -1,8 +1,13 @@
-"""What was equal in the plan is equal in the sub-sequence, and an instance of it is what it came from."""
+"""What was equal in the plan is equal in the sub-sequence, and an instance of it is what it
+came from.
+"""
 
 import pytest
 
-from cellwright.engine.pipelines.planning.macros.macro_subsequences import lift_subsequence, pattern_of
+from cellwright.engine.pipelines.planning.macros.macro_subsequences import (
+    lift_subsequence,
+    pattern_of,
+)
 from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
 from cellwright.engine.stages.macros.learning.plan_subsequences import recurring_sequences
 from cellwright.engine.stages.validation.operator_semantics import Semantics
@@ -12,10 +17,14 @@ from tests.places import BUNDLED as DOMAINS
 
 
 @pytest.mark.parametrize("name", ["themse/golden/one.json", "bulkhead/golden/one_point.json"])
-def test_a_lifted_subsequence_has_one_variable_for_each_object_and_fits_where_it_came_from(name: str) -> None:
+def test_a_lifted_subsequence_has_one_variable_for_each_object_and_fits_where_it_came_from(
+    name: str,
+) -> None:
     problem, plan = load_plan(DOMAINS / name)
     start = Situation.of(CellDomain(problem), Semantics(problem).initial())
-    made = [(each, lift_subsequence(each, problem, start)) for each in recurring_sequences(plan)[:40]]
+    made = [
+        (each, lift_subsequence(each, problem, start)) for each in recurring_sequences(plan)[:40]
+    ]
     assert any(macrop is not None for _, macrop in made)
     for each, macrop in made:
         if macrop is None:

@@ -1,4 +1,6 @@
-"""Editing a domain makes exactly those MACROPs stale whose proof rests on what changed; none of these is ever used."""
+"""Editing a domain makes exactly those MACROPs stale whose proof rests on what changed; none of
+these is ever used.
+"""
 
 import dataclasses
 import functools
@@ -24,7 +26,10 @@ from cellwright.kb.terms import Number
 @functools.cache
 def learned() -> dict[str, list[Example]]:
     """The golden plans of two cells, with what was learned from each."""
-    return {cell: [golden(path) for path in GOLDEN if cell in path.parts] for cell in ("bulkhead", "themse")}
+    return {
+        cell: [golden(path) for path in GOLDEN if cell in path.parts]
+        for cell in ("bulkhead", "themse")
+    }
 
 
 def slower(operator: Operator) -> Operator:
@@ -68,16 +73,21 @@ def test_an_edited_operator_makes_exactly_its_users_stale(data: st.DataObject) -
 
 
 @pytest.mark.parametrize(
-    ("trigger", "stale"), [("at", True), ("measured", True), ("holding", False), ("location", False)]
+    ("trigger", "stale"),
+    [("at", True), ("measured", True), ("holding", False), ("location", False)],
 )
-def test_an_edited_deductive_operator_makes_those_stale_that_trigger_it(trigger: str, stale: bool) -> None:
+def test_an_edited_deductive_operator_makes_those_stale_that_trigger_it(
+    trigger: str, stale: bool
+) -> None:
     found = bundled("bulkhead/one_point")
     domain = found.problem.domain
 
     def kept(each: DeductiveOperator) -> bool:
         return each.trigger.atom.name != trigger
 
-    changed = dataclasses.replace(domain, deductive_operators=tuple(filter(kept, domain.deductive_operators)))
+    changed = dataclasses.replace(
+        domain, deductive_operators=tuple(filter(kept, domain.deductive_operators))
+    )
     assert DomainDigests(changed).fresh(found.learned.macrop.depends) is not stale
 
 
@@ -98,7 +108,9 @@ def test_rules_of_derived_predicates_count() -> None:
     domain = found.problem.domain
     assert DomainDigests(domain).fresh(found.learned.macrop.depends)
     gone = next(
-        name.removeprefix("rules ") for name in found.learned.macrop.depends if name.startswith("rules ")
+        name.removeprefix("rules ")
+        for name in found.learned.macrop.depends
+        if name.startswith("rules ")
     )
     rules = tuple(each for each in domain.rules if each.head.name != gone)
     changed = dataclasses.replace(domain, rules=rules)
@@ -115,7 +127,9 @@ def test_words_comments_and_weights_do_not_count() -> None:
 
 @given(data=st.data())
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
-def test_what_is_found_after_an_edit_is_valid_and_not_stale(tmp_path: Path, data: st.DataObject) -> None:
+def test_what_is_found_after_an_edit_is_valid_and_not_stale(
+    tmp_path: Path, data: st.DataObject
+) -> None:
     examples = learned()[data.draw(st.sampled_from(sorted(learned())))]
     found = data.draw(st.sampled_from(examples))
     operator = data.draw(st.sampled_from(found.problem.domain.operators))

@@ -1,4 +1,6 @@
-"""Sub-sequences are found, all and only those that can run on their own, and those of one shape together."""
+"""Sub-sequences are found, all and only those that can run on their own, and those of one shape
+together.
+"""
 
 import itertools
 
@@ -34,12 +36,16 @@ def connected(steps: tuple[Step, ...], plan: Plan) -> bool:
     links = [(link.producer, link.consumer) for link in plan.links]
     reached = {steps[0].id}
     for _ in steps:
-        reached |= {b for a, b in links if a in reached} & ids | {a for a, b in links if b in reached} & ids
+        reached |= {b for a, b in links if a in reached} & ids | {
+            a for a, b in links if b in reached
+        } & ids
     return reached == ids
 
 
 def slow(plan: Plan) -> list[tuple[Step, ...]]:
-    """All connected sets of steps between which no other step must come, by looking at every set."""
+    """All connected sets of steps between which no other step must come, by looking at every
+    set.
+    """
     before = plan.predecessors()
     found = []
     for size in range(2, MAX_SUBSEQUENCE_STEPS + 1):
@@ -59,10 +65,14 @@ def test_all_and_only_connected_runs_are_found(made: tuple[Problem, Plan]) -> No
         key = sequence_shape([step.operator for step in steps])
         counts[key] = counts.get(key, 0) + 1
     assert counts
-    assert {sequence_shape(each.operators): each.count for each in recurring_sequences(plan)} == counts
+    assert {
+        sequence_shape(each.operators): each.count for each in recurring_sequences(plan)
+    } == counts
 
 
-def test_what_comes_before_a_subsequence_leads_to_where_it_can_run(made: tuple[Problem, Plan]) -> None:
+def test_what_comes_before_a_subsequence_leads_to_where_it_can_run(
+    made: tuple[Problem, Plan],
+) -> None:
     problem, plan = made
     start = Situation.of(CellDomain(problem), Semantics(problem).initial())
     for each in recurring_sequences(plan):
@@ -73,8 +83,12 @@ def test_a_shape_forgets_names_and_keeps_what_is_equal() -> None:
     def moved(*pairs: tuple[str, str]) -> list[Function]:
         return [Function("move", (Function(a), Function("slot", (Function(b),)))) for a, b in pairs]
 
-    assert sequence_shape(moved(("a", "b"), ("a", "c"))) == sequence_shape(moved(("c", "a"), ("c", "b")))
-    assert sequence_shape(moved(("a", "b"), ("a", "c"))) != sequence_shape(moved(("a", "b"), ("b", "c")))
+    assert sequence_shape(moved(("a", "b"), ("a", "c"))) == sequence_shape(
+        moved(("c", "a"), ("c", "b"))
+    )
+    assert sequence_shape(moved(("a", "b"), ("a", "c"))) != sequence_shape(
+        moved(("a", "b"), ("b", "c"))
+    )
 
 
 def test_occurrences_fit_the_pattern_and_do_not_overlap(made: tuple[Problem, Plan]) -> None:

@@ -16,7 +16,9 @@ CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in
 
 def block(name: str, middle: tuple[float, float], size: tuple[float, float]) -> ConvexPiece:
     """A block that stands in the plane."""
-    return ConvexPiece(name, 0, transforms.translation(*middle, 0.0), CORNERS * (*size, 0.2), 0.0, box=True)
+    return ConvexPiece(
+        name, 0, transforms.translation(*middle, 0.0), CORNERS * (*size, 0.2), 0.0, box=True
+    )
 
 
 def arm_among(blocks: list[ConvexPiece], links: int = 2, length_m: float = 1.0) -> CollisionScene:
@@ -41,7 +43,9 @@ def arm_among(blocks: list[ConvexPiece], links: int = 2, length_m: float = 1.0) 
         if pieces[i].carrier != pieces[j].carrier  # a block in the hand moves with its link
     ]
     bodies = tuple(dict.fromkeys(piece.body for piece in pieces))
-    return CollisionScene(joints, pieces, np.array(pairs, dtype=np.int64).reshape(-1, 2), bodies=bodies)
+    return CollisionScene(
+        joints, pieces, np.array(pairs, dtype=np.int64).reshape(-1, 2), bodies=bodies
+    )
 
 
 def random_ground(
@@ -60,23 +64,29 @@ def random_ground(
 def finely(path: Floats, step: float) -> Floats:
     """Configurations of a path that are at most `step` apart."""
     parts = [
-        one + np.linspace(0.0, 1.0, int(np.linalg.norm(two - one) / step) + 2)[:, None] * (two - one)
+        one
+        + np.linspace(0.0, 1.0, int(np.linalg.norm(two - one) / step) + 2)[:, None] * (two - one)
         for one, two in pairwise(path)
     ]
     return np.concatenate(parts)
 
 
 def touching(ground: PlanningScene, q: Floats) -> Truths:
-    """Which configurations of a planar arm (n, k) have a point of a link in a block, by plain trigonometry.
+    """Which configurations of a planar arm (n, k) have a point of a link in a block, by plain
+    trigonometry.
 
-    Points in the middle of a link are looked at, half its thickness apart, so what is told to touch does.
+    Points in the middle of a link are looked at, half its thickness apart, so what is told to touch
+    does.
     """
     scene, hits = ground.scene, np.zeros(len(q), dtype=bool)
     links = [piece for piece in scene.pieces if piece.carrier]
     blocks = [piece for piece in scene.pieces if not piece.carrier]
     angles, start = np.cumsum(q, axis=1), np.zeros((len(q), 2))
     for n, link in enumerate(links):
-        along, length = np.stack([np.cos(angles[:, n]), np.sin(angles[:, n])], axis=1), link.vertices[1, 0]
+        along, length = (
+            np.stack([np.cos(angles[:, n]), np.sin(angles[:, n])], axis=1),
+            link.vertices[1, 0],
+        )
         for share in np.linspace(0.0, 1.0, int(length / link.radius_m) + 1):
             point = start + share * length * along
             for each in blocks:

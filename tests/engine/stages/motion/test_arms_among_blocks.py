@@ -1,4 +1,6 @@
-"""Bundled arms among random blocks: a query ends with a path, or with a proof that there is none."""
+"""Bundled arms among random blocks: a query ends with a path, or with a proof that there is
+none.
+"""
 
 from pathlib import Path
 
@@ -26,7 +28,9 @@ def among_blocks(
         a, b, c = rng.uniform(0.05, 0.35, 3)
         if np.hypot(x, y) > 0.45:
             name = f"block_{len(blocks)}"
-            blocks.append(f"  {name}: {{at: [{x}, {y}, {z}], shapes: [{{box: [{a}, {b}, {c}]}}]}}\n")
+            blocks.append(
+                f"  {name}: {{at: [{x}, {y}, {z}], shapes: [{{box: [{a}, {b}, {c}]}}]}}\n"
+            )
     file = folder / "cell.yaml"
     head = f"cell: blocks\narms:\n  arm: {{model: {arm}, at: [0, 0, 0.7]{limits}}}\nfixtures:\n"
     file.write_text(head + "".join(blocks))
@@ -49,7 +53,9 @@ def test_each_query_ends_with_a_path_or_a_proof(tmp_path: Path, arm: str, cells:
         ground = among_blocks(tmp_path, arm, rng, 10)
         for start, goal in free(ground, rng, 8).reshape(4, 2, -1):
             answer = plan_path(ground, PathQuery(start, goal[None]))
-            assert isinstance(answer, Moved) or (isinstance(answer, Blocked) and answer.severed is not None)
+            assert isinstance(answer, Moved) or (
+                isinstance(answer, Blocked) and answer.severed is not None
+            )
             if isinstance(answer, Moved):
                 paths += 1
                 assert answer.proved
@@ -66,7 +72,8 @@ def test_a_proof_is_found_before_the_whole_work_is_spent(tmp_path: Path) -> None
         answer
         for start, goal in free(ground, rng, 40).reshape(20, 2, -1)
         if isinstance(
-            answer := plan_path(ground, PathQuery(start, goal[None], budget=100 * EARLY_BUDGET)), Blocked
+            answer := plan_path(ground, PathQuery(start, goal[None], budget=100 * EARLY_BUDGET)),
+            Blocked,
         )
     ]
     proofs = [each for each in found if each.severed is not None]

@@ -1,4 +1,6 @@
-"""Roadmaps that are kept over a sequence of motions: the ways found serve again, and what has changed is looked at again."""
+"""Roadmaps that are kept over a sequence of motions: the ways found serve again, and what has
+changed is looked at again.
+"""
 
 from itertools import pairwise
 
@@ -61,7 +63,8 @@ def test_a_way_that_is_barred_later_is_not_taken() -> None:
     first = roadmaps.plan(ground_of([POST]), PathQuery(ENDS[0], ENDS[1][None]))
     assert isinstance(first, Moved)
     middle = finely(first.path, 0.01)[len(finely(first.path, 0.01)) // 2]
-    x, y = (float(f(middle[0]) + f(middle.sum())) for f in (np.cos, np.sin))  # where the tip is then
+    # where the tip is then
+    x, y = (float(f(middle[0]) + f(middle.sum())) for f in (np.cos, np.sin))
     now = ground_of([POST, block("new", (x, y), (0.1, 0.1))])
     second = roadmaps.plan(now, PathQuery(ENDS[1], ENDS[0][None]))
     assert isinstance(second, Moved)
@@ -72,7 +75,9 @@ def test_a_way_that_is_barred_later_is_not_taken() -> None:
 def test_a_kept_roadmap_is_what_a_new_one_would_be(seed: int) -> None:
     rng, roadmaps = np.random.default_rng(seed), impatient()
     for _ in range(6):
-        moved = block("moved", (float(rng.uniform(0.8, 1.6)), float(rng.uniform(0.8, 1.6))), (0.2, 0.2))
+        moved = block(
+            "moved", (float(rng.uniform(0.8, 1.6)), float(rng.uniform(0.8, 1.6))), (0.2, 0.2)
+        )
         ground = ground_of([moved, WALL] if rng.random() < 0.7 else [moved])
         free = ENDS[ground.clearance(ENDS) > 0.01]
         start, goal = rng.permutation(free)[:2]

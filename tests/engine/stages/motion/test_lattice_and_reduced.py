@@ -1,4 +1,6 @@
-"""Handey's planner: the box covers what it stands for, its paths are free, and where its assumption fails, that is said."""
+"""Handey's planner: the box covers what it stands for, its paths are free, and where its
+assumption fails, that is said.
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +10,11 @@ from cellwright.engine.model.geometry import CollisionScene, ConvexPiece, Joints
 from cellwright.engine.model.motion_values import Blocked, Moved, PathQuery, Strategy
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
-from cellwright.engine.stages.geometry.collision.planning_scene import HAND_COVER, PlanningScene, cover_hand
+from cellwright.engine.stages.geometry.collision.planning_scene import (
+    HAND_COVER,
+    PlanningScene,
+    cover_hand,
+)
 from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
 from cellwright.engine.stages.motion.lattice_planner import Lattice, lattice_path
 from cellwright.engine.stages.motion.path_planner import plan_path
@@ -24,9 +30,13 @@ def six_axes(blocks: list[ConvexPiece]) -> CollisionScene:
     limits = np.full(6, 2.5)
     joints = Joints(np.arange(6), origins, AXES, np.zeros(6, dtype=bool), -limits, limits)
     pieces = [
-        ConvexPiece("upper arm", 2, np.eye(4), np.array([[0.1, 0, 0], [0.8, 0, 0]], dtype=float), 0.05),
+        ConvexPiece(
+            "upper arm", 2, np.eye(4), np.array([[0.1, 0, 0], [0.8, 0, 0]], dtype=float), 0.05
+        ),
         ConvexPiece("forearm", 3, np.eye(4), np.array([[0, 0, 0], [0.6, 0, 0]], dtype=float), 0.05),
-        ConvexPiece("hand", 6, np.eye(4), np.array([[0.1, 0, 0], [0.3, 0.05, 0]], dtype=float), 0.03),
+        ConvexPiece(
+            "hand", 6, np.eye(4), np.array([[0.1, 0, 0], [0.3, 0.05, 0]], dtype=float), 0.03
+        ),
     ]
     pairs = [(i, 3 + j) for i in range(3) for j in range(len(blocks))]
     bodies = ("upper arm", "forearm", "hand", *dict.fromkeys(each.body for each in blocks))
@@ -40,13 +50,18 @@ def test_the_box_covers_the_hand_at_all_values_of_the_last_joints(rng: np.random
     for _ in range(20):
         start, goal = rng.uniform(-2.5, 2.5, (2, 6))
         (box,) = [
-            piece for piece in cover_hand(scene, (3, 4, 5), start, goal).pieces if piece.body == HAND_COVER
+            piece
+            for piece in cover_hand(scene, (3, 4, 5), start, goal).pieces
+            if piece.body == HAND_COVER
         ]
         hand = scene.pieces[2]
         where = np.repeat(start[None], 200, axis=0)
         where[:, 3:] += rng.uniform(0, 1, (200, 1)) * (goal - start)[3:]
         carriers = carrier_poses(scene.joints, where)
-        seen = transforms.inverse(carriers[:, box.carrier] @ box.T_carrier_piece) @ carriers[:, hand.carrier]
+        seen = (
+            transforms.inverse(carriers[:, box.carrier] @ box.T_carrier_piece)
+            @ carriers[:, hand.carrier]
+        )
         points = transforms.apply(seen, hand.vertices)
         half = np.abs(box.vertices).max(axis=0)
         assert (np.abs(points) + hand.radius_m <= half + 1e-9).all()
@@ -70,13 +85,19 @@ def test_a_path_of_the_reduced_planner_is_free_and_proved() -> None:
 
 
 def test_where_the_box_is_nowhere_free_the_assumption_is_named() -> None:
-    """In a hole that is just large enough for the hand, no box around all turns of the wrist is free."""
+    """In a hole that is just large enough for the hand, no box around all turns of the wrist is
+    free.
+    """
     walls = [block(f"wall {n}", (1.75, y), (3.0, 0.5)) for n, y in enumerate((-0.37, 0.37))]
-    ground = PlanningScene(BuiltinChecker(six_axes([*walls, block("end", (-1.0, 0.0), (0.2, 3.0))])))
+    ground = PlanningScene(
+        BuiltinChecker(six_axes([*walls, block("end", (-1.0, 0.0), (0.2, 3.0))]))
+    )
     start = np.zeros(6)
     goal = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.0])
     goal[4], start[4] = 2.4, -2.4
-    answer = plan_path(ground, PathQuery(start, goal[None], strategy=Strategy.REDUCED, budget=50_000))
+    answer = plan_path(
+        ground, PathQuery(start, goal[None], strategy=Strategy.REDUCED, budget=50_000)
+    )
     if isinstance(answer, Blocked):
         assert answer.why
 

@@ -1,4 +1,6 @@
-"""Paths are free, repeatable, found where a grid finds one, and the reason is told where there is none."""
+"""Paths are free, repeatable, found where a grid finds one, and the reason is told where there
+is none.
+"""
 
 from dataclasses import replace
 
@@ -33,10 +35,11 @@ def wall() -> PlanningScene:
 
 
 def grid_of(ground: PlanningScene, cells: int) -> tuple[Floats, Floats]:
-    """Every configuration of a grid (n, k), and which region of well clear ones each belongs to (n,); 0 for none.
+    """Every configuration of a grid (n, k), and which region of well clear ones each belongs to
+    (n,); 0 for none.
 
-    Neighbours differ in one joint. They are clear by more than half of what anything moves between them, so that the way from
-    one to the other is free.
+    Neighbours differ in one joint. They are clear by more than half of what anything moves between
+    them, so that the way from one to the other is free.
     """
     links = ground.scene.joints.count
     axis = np.linspace(-np.pi, np.pi, cells)
@@ -47,7 +50,10 @@ def grid_of(ground: PlanningScene, cells: int) -> tuple[Floats, Floats]:
 
 
 def agree_with_a_grid(rng: np.random.Generator, links: int, cells: int, rounds: int) -> int:
-    """How many plans in random cells a grid has a way for. All of these are found, and none of those found touches anything."""
+    """How many plans in random cells a grid has a way for.
+
+    All of these are found, and none of those found touches anything.
+    """
     joined = 0
     for _ in range(rounds):
         ground = random_ground(rng, 5, links, LENGTH_M)
@@ -164,7 +170,8 @@ def test_any_checker_takes_part_and_agrees() -> None:
             self.contacts = self.inner.contacts
 
     ours, other = (
-        plan_path(ground, PathQuery(HERE, THERE[None])) for ground in (wall(), PlanningScene(Foreign()))
+        plan_path(ground, PathQuery(HERE, THERE[None]))
+        for ground in (wall(), PlanningScene(Foreign()))
     )
     assert isinstance(ours, Moved)
     assert isinstance(other, Moved)
@@ -179,7 +186,9 @@ def test_a_start_of_another_shape_or_of_no_number_is_refused(start: Floats) -> N
 
 def walled(side_m: float) -> PlanningScene:
     """Posts that the first link cannot pass, if they are as thick as this."""
-    posts = [block("post", (0.8 * np.cos(a), 0.8 * np.sin(a)), (side_m, side_m)) for a in (1.0, -2.0)]
+    posts = [
+        block("post", (0.8 * np.cos(a), 0.8 * np.sin(a)), (side_m, side_m)) for a in (1.0, -2.0)
+    ]
     return PlanningScene(BuiltinChecker(arm_among(posts, links=3)))
 
 
@@ -189,12 +198,17 @@ def test_that_there_is_no_path_is_proved_where_the_first_link_cannot_pass() -> N
     assert isinstance(answer, Blocked)
     assert answer.severed is not None
     assert answer.severed.joints == (0,)
-    assert {answer.severed.contacts[0].first, answer.severed.contacts[0].second} == {"link 1", "post"}
+    assert {answer.severed.contacts[0].first, answer.severed.contacts[0].second} == {
+        "link 1",
+        "post",
+    }
     assert walled(0.1).collides(answer.severed.at[None])[0]
 
 
 def carrying(rng: np.random.Generator) -> PlanningScene:
-    """A random arm of three links with a ball round its base and two posts on its first link, among two blocks."""
+    """A random arm of three links with a ball round its base and two posts on its first link,
+    among two blocks.
+    """
     base = ConvexPiece("base", 0, np.eye(4), np.zeros((1, 3)), rng.uniform(0.05, 0.3))
     turned = rng.uniform(0.5, 2.6) * np.array([1.0, -1.0])
     posts = [

@@ -1,4 +1,6 @@
-"""Roadmaps: their times are between bounds, and after a change they are what a new roadmap would be."""
+"""Roadmaps: their times are between bounds, and after a change they are what a new roadmap
+would be.
+"""
 
 from dataclasses import replace
 
@@ -12,7 +14,11 @@ from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
 from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
 from cellwright.engine.stages.motion.path_planner import plan_path
-from cellwright.engine.stages.motion.path_refinement import path_time_s, refine_and_prove, refine_path
+from cellwright.engine.stages.motion.path_refinement import (
+    path_time_s,
+    refine_and_prove,
+    refine_path,
+)
 from cellwright.engine.stages.motion.roadmap import (
     map_nodes,
     nearest_node_pairs,
@@ -60,7 +66,9 @@ def changed(rng: np.random.Generator, pieces: list[ConvexPiece]) -> list[ConvexP
         kind = rng.choice(["stays", "stays", "moves", "goes", "held"])
         if kind == "held":
             held = transforms.translation(float(rng.uniform(0.5, 1.2)), 0.0, 0.0)
-            found.append(replace(each, carrier=2, T_carrier_piece=held, vertices=0.3 * each.vertices))
+            found.append(
+                replace(each, carrier=2, T_carrier_piece=held, vertices=0.3 * each.vertices)
+            )
         elif kind != "goes":
             found.append(each if kind == "stays" else anywhere(rng, each.body))
     return [*found, anywhere(rng, "new")] if rng.random() < 0.4 else found
@@ -113,12 +121,16 @@ def test_a_change_beside_the_start_of_an_edge_is_seen() -> None:
     assert np.array_equal(mended.free, map_nodes(ground_of([thin]), nodes, edges).free)
 
 
-def test_where_the_joints_have_changed_everything_is_looked_at_again(rng: np.random.Generator) -> None:
+def test_where_the_joints_have_changed_everything_is_looked_at_again(
+    rng: np.random.Generator,
+) -> None:
     blocks = [anywhere(rng, f"block {n}") for n in range(3)]
     nodes = rng.uniform(-np.pi, np.pi, (20, 2))
     edges = nearest_node_pairs(nodes, LIMITS, 4)
     longer = PlanningScene(BuiltinChecker(arm_among(blocks, length_m=1.2)))
-    mended, looked = repair_roadmap(map_nodes(ground_of(blocks), nodes, edges), ground_of(blocks), longer)
+    mended, looked = repair_roadmap(
+        map_nodes(ground_of(blocks), nodes, edges), ground_of(blocks), longer
+    )
     assert looked == len(edges)
     assert np.array_equal(mended.free, map_nodes(longer, nodes, edges).free)
 

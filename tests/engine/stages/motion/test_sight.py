@@ -1,4 +1,6 @@
-"""Lines of sight: nothing stands between their points, and they are no longer than the way round by hand."""
+"""Lines of sight: nothing stands between their points, and they are no longer than the way
+round by hand.
+"""
 
 from itertools import pairwise
 
@@ -12,7 +14,9 @@ def anywhere(points: Floats) -> Truths:
     return np.ones(len(points), dtype=bool)
 
 
-def box_at(middle: tuple[float, float, float], half: tuple[float, float, float]) -> tuple[Floats, Floats]:
+def box_at(
+    middle: tuple[float, float, float], half: tuple[float, float, float]
+) -> tuple[Floats, Floats]:
     T = np.eye(4)
     T[:3, 3] = middle
     return T, np.array(half)
@@ -23,7 +27,9 @@ def sights(*boxes: tuple[Floats, Floats]) -> LinesOfSight:
 
 
 def test_without_a_box_in_the_way_it_is_the_straight_line() -> None:
-    found = lines_of_sight(sights(box_at((0, 5, 0), (1, 1, 1))), np.zeros(3), np.array([3.0, 0, 0]), anywhere)
+    found = lines_of_sight(
+        sights(box_at((0, 5, 0), (1, 1, 1))), np.zeros(3), np.array([3.0, 0, 0]), anywhere
+    )
     assert found is not None
     assert np.array_equal(found, [[0, 0, 0], [3, 0, 0]])
 

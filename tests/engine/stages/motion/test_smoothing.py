@@ -1,4 +1,6 @@
-"""Smooth motions: within all limits at every moment, and as near to the path as the proof asks for."""
+"""Smooth motions: within all limits at every moment, and as near to the path as the proof asks
+for.
+"""
 
 import numpy as np
 
@@ -46,10 +48,14 @@ def test_with_whole_waits_it_stays_on_the_path() -> None:
 def test_a_corner_is_cut_only_as_far_as_nothing_is_touched() -> None:
     path = np.array([[0.0, 0.0], [0.0, 1.2], [1.3, 1.2], [1.3, 0.0]])
     free = PlanningScene(BuiltinChecker(arm_among([])))
-    quick, proved = certify_smooth_path(MotionTube(free, 0.0, 1e-4), path, LIMITS, slice(0, 2), np.ones(3))
+    quick, proved = certify_smooth_path(
+        MotionTube(free, 0.0, 1e-4), path, LIMITS, slice(0, 2), np.ones(3)
+    )
     assert proved
     tight = PlanningScene(BuiltinChecker(arm_among([block("post", (1.35, 1.15), (0.5, 0.5))])))
-    slow, sure = certify_smooth_path(MotionTube(tight, 0.0, 1e-4), path, LIMITS, slice(0, 2), np.ones(3))
+    slow, sure = certify_smooth_path(
+        MotionTube(tight, 0.0, 1e-4), path, LIMITS, slice(0, 2), np.ones(3)
+    )
     assert quick.duration_s <= slow.duration_s
     if sure:
         assert not tight.collides(slow.at(np.linspace(0, slow.duration_s, 3000))[0]).any()
@@ -66,7 +72,8 @@ def test_least_times_are_those_of_the_fastest_motion(rng: np.random.Generator) -
     second[0] = first[0]
     found = least_times(first, second, LIMITS)
     one_by_one = [
-        fastest_trajectory(np.array(each), LIMITS).corners_s[-1] for each in zip(first, second, strict=True)
+        fastest_trajectory(np.array(each), LIMITS).corners_s[-1]
+        for each in zip(first, second, strict=True)
     ]
     assert np.allclose(found, one_by_one, rtol=1e-9)
 
@@ -80,14 +87,20 @@ def deepest(ground: PlanningScene, found: SmoothedPath) -> float:
 def test_a_corner_of_a_path_that_touches_is_cut_only_as_deep_as_it_may_touch(
     rng: np.random.Generator,
 ) -> None:
-    """The cut is on the inside of a corner, so what is shallow on the path may be deep beside it."""
+    """The cut is on the inside of a corner, so what is shallow on the path may be deep beside
+    it.
+    """
     free, deeper, kept = PlanningScene(BuiltinChecker(arm_among([]))), 0, 0
     for _ in range(60):
         path = rng.uniform(0.5, 1.5, 2) + np.cumsum(rng.uniform(-0.8, 0.8, (3, 2)), axis=0)
-        cut, _ = certify_smooth_path(MotionTube(free, 0.0, 1e-4), path, LIMITS, slice(0, 2), np.ones(2))
+        cut, _ = certify_smooth_path(
+            MotionTube(free, 0.0, 1e-4), path, LIMITS, slice(0, 2), np.ones(2)
+        )
         bent = cut.at(cut.corners_s[1:2])[0][0].cumsum()
         tip = np.array([np.cos(bent).sum(), np.sin(bent).sum()]) + rng.uniform(-0.08, 0.08, 2)
-        meeting = PlanningScene(BuiltinChecker(arm_among([block("post", (tip[0], tip[1]), (0.1, 0.1))])))
+        meeting = PlanningScene(
+            BuiltinChecker(arm_among([block("post", (tip[0], tip[1]), (0.1, 0.1))]))
+        )
         met = touches_on_path(meeting, path, 0.02)
         if not met or not all(each.proved for each in met):
             continue

@@ -8,7 +8,9 @@ from tests.engine.stages.motion.conftest import finely, random_ground
 
 
 @pytest.mark.parametrize("allowed_m", [0.005, 0.05])
-def test_no_configuration_is_deeper_than_what_is_proved(rng: np.random.Generator, allowed_m: float) -> None:
+def test_no_configuration_is_deeper_than_what_is_proved(
+    rng: np.random.Generator, allowed_m: float
+) -> None:
     proved = refused = 0
     for _ in range(40):
         ground = random_ground(rng, 3)
@@ -19,7 +21,8 @@ def test_no_configuration_is_deeper_than_what_is_proved(rng: np.random.Generator
             pair = frozenset((each.first, each.second))
             deepest[pair] = max(deepest.get(pair, 0.0), each.depth_m)
         told = {
-            frozenset((each.first, each.second)): each for each in touches_on_path(ground, path, allowed_m)
+            frozenset((each.first, each.second)): each
+            for each in touches_on_path(ground, path, allowed_m)
         }
         for pair, depth in deepest.items():
             if depth > 0.0:
@@ -37,6 +40,10 @@ def test_no_configuration_is_deeper_than_what_is_proved(rng: np.random.Generator
 
 def test_one_configuration_that_is_too_deep_is_not_proved(rng: np.random.Generator) -> None:
     ground = random_ground(rng, 3)
-    q = next(q for q in rng.uniform(-3.0, 3.0, (500, 2)) if any(c.depth_m > 0.02 for c in ground.contacts(q)))
+    q = next(
+        q
+        for q in rng.uniform(-3.0, 3.0, (500, 2))
+        if any(c.depth_m > 0.02 for c in ground.contacts(q))
+    )
     assert not all(each.proved for each in touches_on_path(ground, q[None], 0.005))
     assert not all(each.proved for each in touches_on_path(ground, np.stack([q, q]), 0.005))

@@ -1,4 +1,6 @@
-"""Trajectories stay on the path, within every limit, and are as short as those of a library made for it."""
+"""Trajectories stay on the path, within every limit, and are as short as those of a library
+made for it.
+"""
 
 import numpy as np
 import pytest
@@ -10,7 +12,9 @@ from cellwright.engine.stages.motion.timed_paths import JointLimits, fastest_tra
 
 UR5 = JointLimits(np.full(3, 3.0), np.array([10.0, 8.0, 12.0]), np.full(3, 80.0))
 values = st.floats(-3, 3).map(lambda x: round(x, 3))
-paths = st.lists(st.tuples(values, values, values), min_size=1, max_size=5).map(lambda rows: np.array(rows))
+paths = st.lists(st.tuples(values, values, values), min_size=1, max_size=5).map(
+    lambda rows: np.array(rows)
+)
 
 
 @settings(deadline=None, max_examples=50)

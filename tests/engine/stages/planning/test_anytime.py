@@ -36,7 +36,9 @@ def test_every_plan_told_of_is_better_than_the_one_before_and_the_last_is_the_an
     outcome = checked_plan.plan_problem(
         problem,
         SearchLimits(
-            thorough=True, interrupted=lambda: bool(heard) and heard[-1].cost <= 12, improved=heard.append
+            thorough=True,
+            interrupted=lambda: bool(heard) and heard[-1].cost <= 12,
+            improved=heard.append,
         ),
     )
     assert isinstance(outcome, Found)
@@ -82,14 +84,20 @@ def test_the_best_plan_survives_want_of_memory(monkeypatch: pytest.MonkeyPatch) 
     assert isinstance(checked_plan.plan_problem(load_problem("bulkhead/both_tools")), Found)
 
 
-def test_the_best_plan_survives_a_grounding_that_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The time is over in the grounding of a window; the search is told then, so that the answer may still be checked."""
+def test_the_best_plan_survives_a_grounding_that_is_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The time is over in the grounding of a window; the search is told then, so that the
+    answer may still be checked.
+    """
     asked: list[bool] = []
 
     def late(*_: object) -> None:
         raise StoppedByCaller
 
-    monkeypatch.setattr("cellwright.engine.stages.planning.improvement.window_optimisation.straighten", late)
+    monkeypatch.setattr(
+        "cellwright.engine.stages.planning.improvement.window_optimisation.straighten", late
+    )
     limits = SearchLimits(interrupted=lambda: bool(asked.append(True)))
     outcome = checked_plan.plan_problem(load_problem("bulkhead/both_tools"), limits)
     assert isinstance(outcome, Found)

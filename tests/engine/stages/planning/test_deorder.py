@@ -1,4 +1,6 @@
-"""Deordering: a random sequence keeps what it does in every order and overlap, and no order that nothing needs."""
+"""Deordering: a random sequence keeps what it does in every order and overlap, and no order
+that nothing needs.
+"""
 
 import itertools
 from dataclasses import replace
@@ -29,7 +31,9 @@ def sequences(draw: st.DrawFn) -> tuple[GroundTask, list[GroundOperator], Bits]:
     initial = draw(FEW)
     state, steps = initial, []
     for number in range(draw(st.integers(0, 5))):
-        needed = bitset(draw(st.sets(st.sampled_from(list(indices(state))), max_size=2))) if state else 0
+        needed = (
+            bitset(draw(st.sets(st.sampled_from(list(indices(state))), max_size=2))) if state else 0
+        )
         added, deleted = draw(FEW), draw(FEW)
         held = tuple(draw(st.lists(st.sampled_from(RESOURCES), max_size=1)))
         made = Function(f"o{number}")
@@ -44,7 +48,9 @@ def denied(operator: GroundOperator) -> Bits:
 
 
 def may_overlap(one: GroundOperator, other: GroundOperator) -> bool:
-    """Language, Meaning 8: neither denies a precondition or an add of the other, and they share no resource."""
+    """Language, Meaning 8: neither denies a precondition or an add of the other, and they share
+    no resource.
+    """
     touched = [each.preconditions | each.adds for each in (one, other)]
     apart = not denied(one) & touched[1] and not denied(other) & touched[0]
     return apart and not set(one.resources) & set(other.resources)
@@ -108,14 +114,19 @@ def test_every_order_executes_and_ends_in_the_goals(
 def test_steps_keep_what_they_are(case: tuple[GroundTask, list[GroundOperator], Bits]) -> None:
     task, steps, goals = case
     found = [
-        (s.id, s.operator, s.resources, s.duration, s.cost) for s in deorder_steps(task, steps, goals).steps
+        (s.id, s.operator, s.resources, s.duration, s.cost)
+        for s in deorder_steps(task, steps, goals).steps
     ]
-    assert found == [(n, o.instance, o.resources, o.duration, o.cost) for n, o in enumerate(steps, 1)]
+    assert found == [
+        (n, o.instance, o.resources, o.duration, o.cost) for n, o in enumerate(steps, 1)
+    ]
 
 
 @given(sequences())
 @MANY
-def test_no_order_is_left_that_nothing_needs(case: tuple[GroundTask, list[GroundOperator], Bits]) -> None:
+def test_no_order_is_left_that_nothing_needs(
+    case: tuple[GroundTask, list[GroundOperator], Bits],
+) -> None:
     """Neither one that follows from others, nor one without which the plan is as sound."""
     task, steps, goals = case
     plan = deorder_steps(task, steps, goals)
@@ -158,19 +169,26 @@ def test_each_condition_is_linked_to_the_earliest_step_that_provides_it_for_good
             first = place
             while first and states[first - 1] >> atom & 1:
                 first -= 1
-            expected.append((first, task.atoms[atom], place + 1 if place < len(steps) else GOAL_STEP))
+            expected.append(
+                (first, task.atoms[atom], place + 1 if place < len(steps) else GOAL_STEP)
+            )
     found = [
-        (link.producer, link.condition, link.consumer) for link in deorder_steps(task, steps, goals).links
+        (link.producer, link.condition, link.consumer)
+        for link in deorder_steps(task, steps, goals).links
     ]
     assert sorted(found, key=str) == sorted(expected, key=str)
     assert len(set(found)) == len(found)
 
 
-def operator(name: str, needs: set[int], adds: set[int], deletes: tuple[int, ...] = ()) -> GroundOperator:
+def operator(
+    name: str, needs: set[int], adds: set[int], deletes: tuple[int, ...] = ()
+) -> GroundOperator:
     return GroundOperator(Function(name), bitset(needs), bitset(adds), bitset(deletes))
 
 
-def task_of(*steps: GroundOperator, initial: Bits = 0, atoms: tuple[Function, ...] = ATOMS) -> GroundTask:
+def task_of(
+    *steps: GroundOperator, initial: Bits = 0, atoms: tuple[Function, ...] = ATOMS
+) -> GroundTask:
     return GroundTask(atoms, steps, initial, (0,), (1,) * len(atoms))
 
 

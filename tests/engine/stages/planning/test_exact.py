@@ -1,4 +1,6 @@
-"""Cheapest plans: the kernel agrees with a slow, plain search on random tasks, and says when it gives up."""
+"""Cheapest plans: the kernel agrees with a slow, plain search on random tasks, and says when it
+gives up.
+"""
 
 import heapq
 from dataclasses import replace
@@ -15,7 +17,10 @@ from cellwright.engine.model.workflow_replay import STAGE_OPERATOR, reach_stages
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.planning import SearchLimits, plan_task
-from cellwright.engine.stages.planning.improvement.exact_optimum import CheapestPlan, find_cheapest_plan
+from cellwright.engine.stages.planning.improvement.exact_optimum import (
+    CheapestPlan,
+    find_cheapest_plan,
+)
 from cellwright.engine.stages.planning.search_control import StateRoom
 from cellwright.kb.terms import Function
 
@@ -31,7 +36,9 @@ def tasks(draw: st.DrawFn) -> GroundTask:
     for number in range(draw(st.integers(1, 7))):
         needs, adds, deletes = draw(sets), draw(sets), draw(sets)
         operators.append(
-            GroundOperator(Function(f"o{number}"), needs, adds, deletes, cost=draw(st.integers(0, 3)))
+            GroundOperator(
+                Function(f"o{number}"), needs, adds, deletes, cost=draw(st.integers(0, 3))
+            )
         )
     goals = tuple(draw(st.lists(sets, min_size=1, max_size=2)))
     atoms = tuple(Function(f"p{number}") for number in range(SIZE))
@@ -56,12 +63,16 @@ def least(task: GroundTask) -> int | None:
 
 
 def searched(task: GroundTask, bound: int, room: StateRoom = StateRoom()) -> CheapestPlan | None:
-    return find_cheapest_plan(task.operators, SIZE, task.initial, task.goals, bound, lambda: False, room)
+    return find_cheapest_plan(
+        task.operators, SIZE, task.initial, task.goals, bound, lambda: False, room
+    )
 
 
 @given(tasks(), st.integers(0, 12))
 @settings(max_examples=300, deadline=None)
-def test_the_cheapest_plan_below_a_bound_is_found_and_no_other(task: GroundTask, bound: int) -> None:
+def test_the_cheapest_plan_below_a_bound_is_found_and_no_other(
+    task: GroundTask, bound: int
+) -> None:
     cost, found = least(task), searched(task, bound)
     assert found is not None
     if cost is None or cost >= bound:
@@ -92,7 +103,8 @@ def test_what_takes_too_long_is_given_up() -> None:
     size = len(task.atoms)
     small = StateRoom(states=100)
     assert (
-        find_cheapest_plan(task.operators, size, task.initial, task.goals, 30, lambda: False, small) is None
+        find_cheapest_plan(task.operators, size, task.initial, task.goals, 30, lambda: False, small)
+        is None
     )
     assert (
         find_cheapest_plan(
@@ -100,9 +112,14 @@ def test_what_takes_too_long_is_given_up() -> None:
         )
         is None
     )
-    assert find_cheapest_plan(task.operators, size, task.initial, task.goals, 1 << 40, lambda: False) is None
+    assert (
+        find_cheapest_plan(task.operators, size, task.initial, task.goals, 1 << 40, lambda: False)
+        is None
+    )
     two = ground(checked_plan.problem_of("themse/two"))
-    stopped = find_cheapest_plan(two.operators, len(two.atoms), two.initial, two.goals, 40, lambda: True)
+    stopped = find_cheapest_plan(
+        two.operators, len(two.atoms), two.initial, two.goals, 40, lambda: True
+    )
     assert stopped is None
     assert find_cheapest_plan(
         task.operators, size, task.initial, task.goals, 0, lambda: True
@@ -127,7 +144,8 @@ LONG = ("themse/four", "themse/sentence")
 
 
 @pytest.mark.parametrize(
-    "target", [pytest.param(each, marks=[pytest.mark.slow] if each in LONG else []) for each in SHORTEST]
+    "target",
+    [pytest.param(each, marks=[pytest.mark.slow] if each in LONG else []) for each in SHORTEST],
 )
 def test_plans_of_the_bundled_problems_are_as_short_as_can_be(target: str) -> None:
     """All but the last were proved with room for four million states."""
@@ -148,7 +166,9 @@ def test_a_proof_is_asked_for_where_planning_had_no_room_for_it() -> None:
     assert not prove_optimum(problem, rough, lambda: True).optimal
 
 
-def test_a_plan_is_known_to_be_cheapest_without_a_search_for_a_proof_where_steps_cost_the_same() -> None:
+def test_a_plan_is_known_to_be_cheapest_without_a_search_for_a_proof_where_steps_cost_the_same() -> (
+    None
+):
     task = ground(checked_plan.problem_of("themse/lid_on_stand"))
     outcome = plan_task(task, SearchLimits(strategy="shortest", room=None, restarts=0))
     assert isinstance(outcome, Found)

@@ -1,4 +1,6 @@
-"""Successors of open conditions, compiled and interpreted, are what their definition says, in its order."""
+"""Successors of open conditions, compiled and interpreted, are what their definition says, in
+its order.
+"""
 
 from types import ModuleType
 
@@ -14,7 +16,9 @@ from cellwright.kb.terms import Function
 from tests.engine.interpreted import interpreted
 
 SIZE = 9
-BOTH = pytest.mark.parametrize("module", [expansion, interpreted(expansion)], ids=["imported", "interpreted"])
+BOTH = pytest.mark.parametrize(
+    "module", [expansion, interpreted(expansion)], ids=["imported", "interpreted"]
+)
 sets = st.sets(st.integers(0, SIZE - 1), max_size=3).map(bitset)
 groups = st.lists(st.sets(st.integers(0, SIZE - 1), min_size=2, max_size=3), max_size=2)
 
@@ -43,11 +47,18 @@ def clashes(conditions: Bits, excluded: list[Bits]) -> bool:
 
 
 def plainly(
-    steps: list[GroundOperator], excluded: list[Bits], heavy: list[int], start: Bits, open_: Bits, room: int
+    steps: list[GroundOperator],
+    excluded: list[Bits],
+    heavy: list[int],
+    start: Bits,
+    open_: Bits,
+    room: int,
 ) -> list[tuple[int, int, int, Bits]]:
-    """The heaviest open conditions first, those that hold last, and for each its operators by number.
+    """The heaviest open conditions first, those that hold last, and for each its operators by
+    number.
 
-    What an operator adds can be open after it, even if that excludes one of its preconditions: it takes the place of that one.
+    What an operator adds can be open after it, even if that excludes one of its preconditions: it
+    takes the place of that one.
     """
     plans = Relaxation(steps, SIZE).plans(start)
     charge = [max(each.cost, 1) for each in steps]
@@ -56,12 +67,18 @@ def plainly(
     for atom in [*unsatisfied, *indices(open_ & start)]:
         for number, each in enumerate(steps):
             conflict = any(
-                (each.deletes >> one & 1 or excluded[one] & each.preconditions) and not each.adds >> one & 1
+                (each.deletes >> one & 1 or excluded[one] & each.preconditions)
+                and not each.adds >> one & 1
                 for one in indices(open_)
             ) or any(excluded[one] & each.adds for one in indices(open_))
             need = plans.plan(each.preconditions)
             adds = each.adds & ~each.preconditions
-            if not adds >> atom & 1 or clashes(each.preconditions, excluded) or conflict or need is None:
+            if (
+                not adds >> atom & 1
+                or clashes(each.preconditions, excluded)
+                or conflict
+                or need is None
+            ):
                 continue
             achieved = open_ & each.adds
             if achieved.bit_count() > 1 and number in used:

@@ -1,4 +1,6 @@
-"""Plans with fewer batches: the order in which dear steps come late, and stretches that are planned anew."""
+"""Plans with fewer batches: the order in which dear steps come late, and stretches that are
+planned anew.
+"""
 
 from itertools import pairwise
 
@@ -9,7 +11,10 @@ from cellwright.engine.kernels.bits import Bits
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.planning.forward.forward_search import start_forward_search
-from cellwright.engine.stages.planning.improvement.batch_reduction import reduce_batches, repeat_stretches
+from cellwright.engine.stages.planning.improvement.batch_reduction import (
+    reduce_batches,
+    repeat_stretches,
+)
 from cellwright.engine.stages.planning.improvement.plan_reordering import delay_dear_steps
 from cellwright.engine.stages.planning.improvement.window_optimisation import steps_cost
 from cellwright.engine.stages.planning.search_control import Effort, SearchResult
@@ -55,13 +60,17 @@ def test_the_order_with_dear_steps_late_has_the_same_effect(problem: Problem, se
 
 @given(DERIVING, st.integers(0, 3))
 @SOME
-def test_every_plan_with_fewer_batches_reaches_the_goals_and_costs_less(problem: Problem, seed: int) -> None:
+def test_every_plan_with_fewer_batches_reaches_the_goals_and_costs_less(
+    problem: Problem, seed: int
+) -> None:
     task, steps = planned(problem, seed)
     found = list(reduce_batches(task, steps, Effort(3000)))
     for each in found:
         state = end(task, each)
         assert any(not goal & ~state for goal in task.goals)
-    assert all(steps_cost(better) < steps_cost(worse) for worse, better in pairwise([steps, *found[1:]]))
+    assert all(
+        steps_cost(better) < steps_cost(worse) for worse, better in pairwise([steps, *found[1:]])
+    )
 
 
 @given(DERIVING, st.integers(0, 3))

@@ -31,7 +31,10 @@ class Relaxed(NamedTuple):
 
     def users(self) -> Lists:
         """The operators that need each atom."""
-        return [[number for number, needed in enumerate(self.need) if atom in needed] for atom in range(SIZE)]
+        return [
+            [number for number, needed in enumerate(self.need) if atom in needed]
+            for atom in range(SIZE)
+        ]
 
 
 @st.composite
@@ -98,7 +101,9 @@ def test_with_one_condition_each_a_relaxed_plan_for_one_goal_is_shortest(
 
 
 @given(task=tasks(), visited=st.lists(states, min_size=1, max_size=3))
-def test_compiled_and_interpreted_relaxed_plans_are_the_same(task: Relaxed, visited: list[set[int]]) -> None:
+def test_compiled_and_interpreted_relaxed_plans_are_the_same(
+    task: Relaxed, visited: list[set[int]]
+) -> None:
     compiled, plain = made(kernels, task), made(PLAIN, task)
     for state in map(packed, visited):
         assert compiled.evaluate(state) == plain.evaluate(state)
@@ -113,7 +118,8 @@ def test_costs_that_double_with_every_step_are_cut_off(module: ModuleType) -> No
     need = [needed for needed in lists for _ in range(2)]
     add = [[place + 1 + side * length] for place in range(length) for side in (0, 1)]
     users = [
-        [number for number, needed in enumerate(need) if atom in needed] for atom in range(2 * length + 1)
+        [number for number, needed in enumerate(need) if atom in needed]
+        for atom in range(2 * length + 1)
     ]
     rows = [module.Rows(each) for each in (need, add, users)]
     plans = module.RelaxedPlans([1] * len(need), [length], *rows)
@@ -137,7 +143,9 @@ def test_landmarks_counted_agree_with_sets(module: ModuleType, data: st.DataObje
         data.draw(st.lists(some, min_size=len(places), max_size=len(places))) for _ in range(2)
     )
     goals = data.draw(some)
-    count = module.LandmarkCount(module.Rows(places), module.Rows(before), module.Rows(just_before), goals)
+    count = module.LandmarkCount(
+        module.Rows(places), module.Rows(before), module.Rows(just_before), goals
+    )
     accepted: set[int] = set()
     row = packed(accepted, len(places))
     for state in data.draw(st.lists(states, max_size=4)):
@@ -145,7 +153,10 @@ def test_landmarks_counted_agree_with_sets(module: ModuleType, data: st.DataObje
         row = count.accept(row, packed(state))
         assert row == packed(accepted, len(places))
         open_ = set(range(len(places))) - accepted
-        again = {*goals, *(other for landmark in open_ for other in just_before[landmark])} & accepted
+        again = {
+            *goals,
+            *(other for landmark in open_ for other in just_before[landmark]),
+        } & accepted
         again = {landmark for landmark in again if not state & set(places[landmark])}
         assert count.left(row, packed(state)) == len(open_) + len(again)
 

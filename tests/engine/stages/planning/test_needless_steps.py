@@ -1,4 +1,6 @@
-"""Plans with quantities: no step that they can do without, and stages that another order of the steps reaches sooner."""
+"""Plans with quantities: no step that they can do without, and stages that another order of the
+steps reaches sooner.
+"""
 
 import random
 import tempfile
@@ -11,13 +13,20 @@ from hypothesis import strategies as st
 
 from cellwright.engine.kernels.bits import bitset
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask
-from cellwright.engine.model.workflow_replay import operators_by_instance, reached_goals, replay_instances
+from cellwright.engine.model.workflow_replay import (
+    operators_by_instance,
+    reached_goals,
+    replay_instances,
+)
 from cellwright.engine.pipelines.planning.plan_files import check_plan
 from cellwright.engine.pipelines.planning.timetable.block_schedule import operators_of
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.planning.action_elimination import achieved_goal, without_needless
 from cellwright.engine.stages.planning.effect_variants import plain_steps
-from cellwright.engine.stages.planning.improvement.batch_reduction import needed_steps, reduce_batches
+from cellwright.engine.stages.planning.improvement.batch_reduction import (
+    needed_steps,
+    reduce_batches,
+)
 from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps
 from cellwright.engine.stages.planning.search_control import Effort
 from cellwright.kb.asp import ground_term
@@ -61,7 +70,16 @@ workflow:
   - for: {P: [p, q]}
     stages: dosed(P), sealed(P)
 """
-ROUNDABOUT = ("seal(p)", "unseal(p)", "dose(p)", "seal(p)", "seal(q)", "unseal(q)", "dose(q)", "seal(q)")
+ROUNDABOUT = (
+    "seal(p)",
+    "unseal(p)",
+    "dose(p)",
+    "seal(p)",
+    "seal(q)",
+    "unseal(q)",
+    "dose(q)",
+    "seal(q)",
+)
 
 
 @pytest.fixture
@@ -102,7 +120,10 @@ def test_where_a_stage_must_wait_the_steps_stay_as_they_are(problem: Problem) ->
     state = task.initial
     for step in steps:
         state = task.after(state, step)
-    here = bitset([n for n, atom in enumerate(task.atoms) if atom.name in ("_stage", "sealed")]) & state
+    here = (
+        bitset([n for n, atom in enumerate(task.atoms) if atom.name in ("_stage", "sealed")])
+        & state
+    )
     waiting = replace(task, goals=(here,))  # p is sealed, and its stage is not reached
     assert needed_steps(waiting, steps, Effort(1 << 30)) == steps
 
@@ -112,7 +133,12 @@ def test_another_order_may_reach_a_stage_with_an_earlier_step(problem: Problem) 
     made = plain_steps(task, steps_of(task, ROUNDABOUT[:4] + ROUNDABOUT[6:]))
     steps, goals = operators_of(task, deorder_steps(task, made, achieved_goal(task, made)))
     order = [2, 0, 1, 3, 4, 5]  # p is dosed before it is sealed for the first time
-    assert [str(steps[n].instance) for n in order[:4]] == ["dose(p)", "seal(p)", "unseal(p)", "seal(p)"]
+    assert [str(steps[n].instance) for n in order[:4]] == [
+        "dose(p)",
+        "seal(p)",
+        "unseal(p)",
+        "seal(p)",
+    ]
     plan = deorder_steps(task, [steps[n] for n in order], goals, [100 * n for n in range(6)])
     assert check_plan(problem, plan) == []
 

@@ -56,12 +56,18 @@ def compared(task: GroundTask) -> set[int]:
 
 
 @BOTH
-@given(pairs=st.lists(st.tuples(st.integers(0, 3), st.integers(-4, 4), st.integers(-4, 4)), max_size=12))
+@given(
+    pairs=st.lists(
+        st.tuples(st.integers(0, 3), st.integers(-4, 4), st.integers(-4, 4)), max_size=12
+    )
+)
 @settings(max_examples=30)
 def test_a_state_is_left_out_if_one_at_least_as_good_was_met(
     module: ModuleType, pairs: list[tuple[int, int, int]]
 ) -> None:
-    """Two quantities, of the first more is better, of the second less; atoms 0 and 1 are fluents, atom 2 is derived."""
+    """Two quantities, of the first more is better, of the second less; atoms 0 and 1 are
+    fluents, atom 2 is derived.
+    """
     fronts = ParetoFronts(module.Dominance(bytes([0b011, *[0] * 7]), [1, -1]))
     met: list[tuple[int, int, int]] = []
     for atoms, more, less in pairs:
@@ -101,4 +107,9 @@ def test_more_of_what_is_only_asked_for_in_one_direction_is_better(tmp_path: Pat
     assert {level.quantity.name: sign for level, sign in found.items()} == {"funds": 1, "stored": 1}
     outcome = checked_plan.plan_problem(problem, SearchLimits(strategy="novelty"))
     assert isinstance(outcome, Found)
-    assert [each.operator.name for each in outcome.plan.steps] == ["wait", "pump", "wait", "generate"]
+    assert [each.operator.name for each in outcome.plan.steps] == [
+        "wait",
+        "pump",
+        "wait",
+        "generate",
+    ]

@@ -1,4 +1,6 @@
-"""Proofs that there is no plan: by what no state allows, and by the counters of workflow chains alone."""
+"""Proofs that there is no plan: by what no state allows, and by the counters of workflow chains
+alone.
+"""
 
 import itertools
 from collections.abc import Sequence
@@ -42,12 +44,17 @@ def weighed(target: str, weights: Sequence[int]) -> Problem:
     """A problem of the centrifuge cell whose tubes have other weights."""
     problem = load_problem(target)
     others = tuple(fact for fact in problem.statics if fact.name != "weight")
-    own = (Function("weight", (Function(f"tube_{n}"), Number(each))) for n, each in enumerate(weights, 1))
+    own = (
+        Function("weight", (Function(f"tube_{n}"), Number(each)))
+        for n, each in enumerate(weights, 1)
+    )
     return replace(problem, statics=(*others, *own))
 
 
 def balanced(weights: Sequence[int]) -> bool:
-    """Whether tubes can lie in a rotor of two places on each side so that both sides weigh the same."""
+    """Whether tubes can lie in a rotor of two places on each side so that both sides weigh the
+    same.
+    """
     sides = itertools.product((1, -1), repeat=len(weights))
     return any(
         max(side.count(1), side.count(-1)) <= 2 and sum(map(int.__mul__, side, weights)) == 0
@@ -68,9 +75,13 @@ def divisible(weights: Sequence[int]) -> bool:
     )
 
 
-@pytest.mark.parametrize("weights", [(12, 12, 14, 14), (12, 14, 26, 26), (0, 12, 14, 14), (0, 14, 14, 14)])
+@pytest.mark.parametrize(
+    "weights", [(12, 12, 14, 14), (12, 14, 26, 26), (0, 12, 14, 14), (0, 14, 14, 14)]
+)
 def test_tubes_have_a_plan_if_they_can_be_spun_in_balanced_groups(weights: tuple[int, ...]) -> None:
-    outcome = checked_plan.plan_problem(weighed("centrifuge/four", weights), SearchLimits(expansions=20_000))
+    outcome = checked_plan.plan_problem(
+        weighed("centrifuge/four", weights), SearchLimits(expansions=20_000)
+    )
     assert isinstance(outcome, Found if divisible(weights) else Infeasible)
 
 
@@ -78,14 +89,18 @@ def test_tubes_have_a_plan_if_they_can_be_spun_in_balanced_groups(weights: tuple
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.integers(0, 5), min_size=4, max_size=4))
 def test_whether_tubes_can_be_spun_is_decided_for_all_weights(weights: list[int]) -> None:
-    outcome = checked_plan.plan_problem(weighed("centrifuge/four", weights), SearchLimits(expansions=50_000))
+    outcome = checked_plan.plan_problem(
+        weighed("centrifuge/four", weights), SearchLimits(expansions=50_000)
+    )
     assert isinstance(outcome, Found if divisible(weights) else Infeasible)
 
 
 def test_one_tube_of_eight_that_finds_no_partner_is_proved_without_search() -> None:
     weights = (0, 12, 14, 14, 12, 12, 14, 14)
     assert not divisible(weights)
-    outcome = checked_plan.plan_problem(weighed("centrifuge/eight", weights), SearchLimits(doubtful=True))
+    outcome = checked_plan.plan_problem(
+        weighed("centrifuge/eight", weights), SearchLimits(doubtful=True)
+    )
     assert isinstance(outcome, Infeasible)
     assert outcome.statistics.counts["expanded"] == 0
 
@@ -117,14 +132,19 @@ def test_goals_that_no_values_of_quantities_allow_are_proved_to_exclude_each_oth
 
 def test_numbers_that_are_too_large_for_the_solver_are_left_to_the_search(tmp_path: Path) -> None:
     (tmp_path / "domain.yaml").write_text(HOARD)
-    problem = "problem: p\ndomain: hoard\ninitial: ['gold(2000000000), silver(2000000000)']\ngoals: [shut]\n"
+    problem = (
+        "problem: p\ndomain: hoard\ninitial: ['gold(2000000000), silver(2000000000)']\ngoals: "
+        "[shut]\n"
+    )
     (tmp_path / "p.yaml").write_text(problem)
     assert UnsolvabilityProof(ground(load_problem(str(tmp_path / "p.yaml")))).run(MANY) is None
 
 
 def test_an_effect_that_never_happens_is_left_out_and_one_that_may_stays() -> None:
     light: Atom = Function("weight", (Function("tube_1"), Number(12)))
-    problem = apply_amendment(load_problem("centrifuge/four"), Amendment((Edit("static", None, light),)))
+    problem = apply_amendment(
+        load_problem("centrifuge/four"), Amendment((Edit("static", None, light),))
+    )
     task = ground(problem)
     spins = [each for each in task.operators if each.instance.name == "spin"]
     moved = {str(atom) for each in spins for atom in task.names(_added(each))}

@@ -21,7 +21,9 @@ from tests.properties.problems import problems, shortest
 
 
 def lengths(known: int) -> list[int]:
-    """The sequence as Luby, Sinclair & Zuckerman define it: twice what came before, then the next power of two."""
+    """The sequence as Luby, Sinclair & Zuckerman define it: twice what came before, then the
+    next power of two.
+    """
     found: list[int] = []
     while len(found) < known:
         found = [*found, *found, 2 * max(found) if found else 1]

@@ -37,7 +37,9 @@ def test_every_strategy_agrees_with_brute_force(strategy: str, problem: Problem)
 )
 def test_every_strategy_solves_the_cells_and_repeats(strategy: str, target: str) -> None:
     problem = load_problem(target)
-    first, second = (checked_plan.plan_problem(problem, SearchLimits(strategy=strategy)) for _ in range(2))
+    first, second = (
+        checked_plan.plan_problem(problem, SearchLimits(strategy=strategy)) for _ in range(2)
+    )
     assert isinstance(first, Found)
     assert isinstance(second, Found)
     assert first.plan == second.plan
@@ -64,7 +66,9 @@ def test_every_strategy_stops_at_its_limit(strategy: str) -> None:
 def test_the_compiled_evaluation_finds_what_is_applicable_and_reachable(
     problem: Problem, data: st.DataObject
 ) -> None:
-    """Against plain sets: applicable operators, and whether the goals can be reached without deletes."""
+    """Against plain sets: applicable operators, and whether the goals can be reached without
+    deletes.
+    """
     try:
         task = ground(problem)
     except InvalidInput:
@@ -74,7 +78,9 @@ def test_the_compiled_evaluation_finds_what_is_applicable_and_reachable(
     state = data.draw(st.integers(0, (1 << len(task.atoms)) - 1))
     search = ForwardSearch(operators, state, task.goals[0], len(task.atoms))
     estimate, applicable, preferred = search.evaluate(search.evaluate.space.packed(state))
-    plainly = [number for number, operator in enumerate(operators) if operator.preconditions & ~state == 0]
+    plainly = [
+        number for number, operator in enumerate(operators) if operator.preconditions & ~state == 0
+    ]
     assert sorted(applicable) == plainly
     assert set(preferred) <= set(plainly)
     reached, before = state, -1
@@ -97,10 +103,14 @@ def test_a_goal_that_holds_in_some_way_needs_no_step(strategy: str) -> None:
 
 
 def hanoi(discs: int) -> GroundTask:
-    """The tower of Hanoi: which disc lies on which disc or peg, and what is clear; larger things have higher numbers."""
+    """The tower of Hanoi: which disc lies on which disc or peg, and what is clear; larger
+    things have higher numbers.
+    """
     things = range(discs + 3)
     atoms = [Function("clear", (Number(thing),)) for thing in things]
-    atoms += [Function("on", (Number(disc), Number(below))) for disc in range(discs) for below in things]
+    atoms += [
+        Function("on", (Number(disc), Number(below))) for disc in range(discs) for below in things
+    ]
 
     def on(disc: int, below: int) -> int:
         return discs + 3 + disc * (discs + 3) + below

@@ -1,4 +1,6 @@
-"""Best supporters, compiled and interpreted, agree with a plain search; relaxed plans are the unions of their charges."""
+"""Best supporters, compiled and interpreted, agree with a plain search; relaxed plans are the
+unions of their charges.
+"""
 
 import heapq
 from types import ModuleType
@@ -34,7 +36,9 @@ operators = st.lists(st.builds(Adder, st.integers(1, 4), sets, sets), max_size=1
 
 
 def plainly(adders: list[Adder], initial: set[int], bound: int) -> list[int]:
-    """Dijkstra over additive costs; a chain ends where its longest run of supporters is longer than the bound."""
+    """Dijkstra over additive costs; a chain ends where its longest run of supporters is longer
+    than the bound.
+    """
     settled: dict[int, int] = {}
     supporter, depth = dict.fromkeys(range(SIZE), -1), dict.fromkeys(range(SIZE), 0)
     best = dict.fromkeys(initial, 0)
@@ -71,7 +75,9 @@ def plainly(adders: list[Adder], initial: set[int], bound: int) -> list[int]:
 def test_supporters_agree_with_a_plain_search(
     module: ModuleType, adders: list[Adder], initial: set[int], bound: int
 ) -> None:
-    users = [[number for number, each in enumerate(adders) if atom in each.need] for atom in range(SIZE)]
+    users = [
+        [number for number, each in enumerate(adders) if atom in each.need] for atom in range(SIZE)
+    ]
     needs, adds = [each.need for each in adders], [each.add for each in adders]
     search = module.Supporters([each.charge for each in adders], needs, adds, users)
     for _ in range(2):  # a second search finds nothing of the first
@@ -83,7 +89,10 @@ def test_costs_that_double_with_every_step_are_cut_off(module: ModuleType) -> No
     length = 70
     need = [[2 * place, 2 * place + 1] for place in range(length) for _ in range(2)]
     add = [[2 * place + 2 + side] for place in range(length) for side in (0, 1)]
-    users = [[number for number, each in enumerate(need) if atom in each] for atom in range(2 * length + 2)]
+    users = [
+        [number for number, each in enumerate(need) if atom in each]
+        for atom in range(2 * length + 2)
+    ]
     search = module.Supporters([1] * len(need), need, add, users)
     found = search.spread(bytes([3]) + bytes(len(users) // 8), UNREACHABLE_COST)
     assert found == [-1, -1, *range(2 * length)]
@@ -94,11 +103,15 @@ def test_a_relaxed_plan_costs_what_its_supporters_cost(
     adders: list[Adder], initial: set[int], goals: set[int]
 ) -> None:
     grounded = [
-        GroundOperator(Function(f"o{number}"), bitset(sorted(need)), bitset(sorted(add)), 0, cost=charge)
+        GroundOperator(
+            Function(f"o{number}"), bitset(sorted(need)), bitset(sorted(add)), 0, cost=charge
+        )
         for number, (charge, need, add) in enumerate(adders)
     ]
     plans = Relaxation(grounded, SIZE).plans(bitset(sorted(initial)))
-    chosen, reachable = needed_for(adders, plainly(adders, initial, UNREACHABLE_COST), initial, goals)
+    chosen, reachable = needed_for(
+        adders, plainly(adders, initial, UNREACHABLE_COST), initial, goals
+    )
     made = plans.plan(bitset(sorted(goals)))
     assert (made is not None) == reachable
     assert made is None or made.bit_count() == sum(adders[number].charge for number in chosen)

@@ -23,17 +23,23 @@ SOME = settings(max_examples=30, deadline=None, suppress_health_check=list(Healt
 
 @given(problems())
 @SOME
-def test_backward_search_with_digests_takes_the_same_steps_as_with_the_conditions(problem: Problem) -> None:
+def test_backward_search_with_digests_takes_the_same_steps_as_with_the_conditions(
+    problem: Problem,
+) -> None:
     try:
         task = ground(problem)
     except InvalidInput:
         assume(False)
         return
-    space = BackwardSpace(Regression(task.operators, task.weights, find_mutexes(task)), task.initial)
+    space = BackwardSpace(
+        Regression(task.operators, task.weights, find_mutexes(task)), task.initial
+    )
     roots = [root for goal in task.goals if (root := space.root(goal)) is not None]
     efforts = [Effort(1000), Effort(1000)]
     plain = BestFirstRegression(space, roots, 5).run(efforts[0])
-    with patch("cellwright.engine.stages.planning.regression.backward_search.SHORT_CONDITION_BITS", -1):
+    with patch(
+        "cellwright.engine.stages.planning.regression.backward_search.SHORT_CONDITION_BITS", -1
+    ):
         assert BestFirstRegression(space, roots, 5).run(efforts[1]) == plain
     assert efforts[0].generated == efforts[1].generated
 

@@ -12,8 +12,14 @@ from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.planning import SearchLimits, plan_task
-from cellwright.engine.stages.planning.forward.weighted_search import search_between, start_weighted_search
-from cellwright.engine.stages.planning.improvement.anytime_improvement import PlanPool, WeightedSearches
+from cellwright.engine.stages.planning.forward.weighted_search import (
+    search_between,
+    start_weighted_search,
+)
+from cellwright.engine.stages.planning.improvement.anytime_improvement import (
+    PlanPool,
+    WeightedSearches,
+)
 from cellwright.engine.stages.planning.improvement.plan_reordering import group_steps
 from cellwright.engine.stages.planning.portfolio import SearchSetting
 from cellwright.engine.stages.planning.search_control import Effort, SearchResult
@@ -40,7 +46,11 @@ def cost_of(answer: SearchResult | None) -> int | None:
 def test_a_plan_below_the_bound_is_found_if_there_is_one(
     task: GroundTask, bound: int, weight: int, landmarks: bool, seed: int
 ) -> None:
-    answer = start_weighted_search(task, landmarks=landmarks).anew(weight, bound, seed).run(Effort(PLENTY))
+    answer = (
+        start_weighted_search(task, landmarks=landmarks)
+        .anew(weight, bound, seed)
+        .run(Effort(PLENTY))
+    )
     cost, cheapest = cost_of(answer), least(task)
     if cheapest is None or cheapest >= bound:
         assert cost is None
@@ -82,7 +92,9 @@ def test_improvement_without_end_ends_with_a_proof(task: GroundTask) -> None:
 
 @given(tasks(), st.integers(0, 1 << 30))
 @settings(max_examples=200, deadline=None)
-def test_what_belongs_together_is_done_side_by_side_with_the_same_effect(task: GroundTask, seed: int) -> None:
+def test_what_belongs_together_is_done_side_by_side_with_the_same_effect(
+    task: GroundTask, seed: int
+) -> None:
     chance, state, steps = Random(seed), task.initial, list[GroundOperator]()
     for _ in range(chance.randrange(20)):
         ready = [each for each in task.operators if not each.preconditions & ~state]
@@ -98,7 +110,9 @@ def test_errands_that_a_plan_mixes_stand_side_by_side() -> None:
     takes = [GroundOperator(str(n), 0, 1 << n, 0) for n in range(8)]  # type: ignore[arg-type]
     brings = [GroundOperator(str(n), 1 << n, 1 << 8 + n, 0) for n in range(8)]  # type: ignore[arg-type]
     order = group_steps([*takes, *brings], Random(1))
-    assert [takes.index(each) for each in order[::2]] == [brings.index(each) for each in order[1::2]]
+    assert [takes.index(each) for each in order[::2]] == [
+        brings.index(each) for each in order[1::2]
+    ]
 
 
 @pytest.mark.parametrize("landmarks", [False, True])

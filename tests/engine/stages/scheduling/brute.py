@@ -3,14 +3,24 @@
 import itertools
 from collections.abc import Iterator
 
-from cellwright.engine.model.shop_scheduling import Adjustment, Changeover, Schedule, Shop, ShopDevice
+from cellwright.engine.model.shop_scheduling import (
+    Adjustment,
+    Changeover,
+    Schedule,
+    Shop,
+    ShopDevice,
+)
 from cellwright.engine.stages.scheduling.checker import check_schedule
 
 
 def best(shop: Shop, until: int) -> tuple[int, int] | None:
-    """The least tardiness, and the least makespan with it, of all schedules that end by `until`; None: there is none."""
+    """The least tardiness, and the least makespan with it, of all schedules that end by
+    `until`; None: there is none.
+    """
     found = [
-        (each.tardiness, each.makespan) for each in schedules(shop, until) if not check_schedule(shop, each)
+        (each.tardiness, each.makespan)
+        for each in schedules(shop, until)
+        if not check_schedule(shop, each)
     ]
     return min(found, default=None)
 
@@ -22,7 +32,9 @@ def schedules(shop: Shop, until: int) -> Iterator[Schedule]:
     changes = [list(adjustments(device, until)) for device in shop.devices]
     for times in itertools.product(*ranges):
         for chosen in itertools.product(*changes):
-            yield complete(shop, dict(zip(names, times, strict=True)), tuple(itertools.chain(*chosen)))
+            yield complete(
+                shop, dict(zip(names, times, strict=True)), tuple(itertools.chain(*chosen))
+            )
 
 
 def complete(shop: Shop, starts: dict[str, int], made: tuple[Adjustment, ...]) -> Schedule:
@@ -42,7 +54,9 @@ def adjustments(device: ShopDevice, until: int, most: int = 3) -> Iterator[tuple
     def further(setting: str, now: int, left: int) -> Iterator[tuple[Adjustment, ...]]:
         yield ()
         for change in device.changes if left else ():
-            for start in range(now, until - change.duration + 1) if change.before == setting else ():
+            for start in (
+                range(now, until - change.duration + 1) if change.before == setting else ()
+            ):
                 first = Adjustment(device.name, change, start)
                 for rest in further(change.after, start + change.duration, left - 1):
                     yield (first, *rest)

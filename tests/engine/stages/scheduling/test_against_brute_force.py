@@ -38,7 +38,9 @@ def stages(
         for begin, end in [draw(st.sampled_from(((0, lasts), (0, 1), (lasts - 1, lasts))))]
     )
     held = (draw(st.sampled_from(resources)),)
-    return ShopStage(name, lasts, held, needs, draw(st.sampled_from(PLACES)), draw(st.sampled_from(PLACES)))
+    return ShopStage(
+        name, lasts, held, needs, draw(st.sampled_from(PLACES)), draw(st.sampled_from(PLACES))
+    )
 
 
 @st.composite
@@ -59,8 +61,10 @@ def windows(draw: st.DrawFn, one: ShopStage, other: ShopStage) -> StageWindow:
 
 
 pairs = st.tuples(st.sampled_from(PLACES[1:]), st.sampled_from(PLACES[1:]))
-travels = st.dictionaries(pairs, st.integers(0, 2), max_size=4)  # with shortcuts through work that is nowhere
-short_travels = st.dictionaries(pairs, st.integers(0, 1), max_size=4)  # no change of a device is a shortcut
+# with shortcuts through work that is nowhere
+travels = st.dictionaries(pairs, st.integers(0, 2), max_size=4)
+# no change of a device is a shortcut
+short_travels = st.dictionaries(pairs, st.integers(0, 1), max_size=4)
 
 
 @st.composite
@@ -91,10 +95,16 @@ def shops_with_devices(draw: st.DrawFn) -> Shop:
     made += [draw(jobs("b", 1, ("arm", "oven"), ("door",)))] if two else []
     ways = both_ways("open", "shut", draw(st.integers(1, 2)), draw(st.integers(1, 2)))
     door = ShopDevice(
-        "door", "arm", draw(st.sampled_from(("open", "shut"))), ways, draw(st.sampled_from(("", "open")))
+        "door",
+        "arm",
+        draw(st.sampled_from(("open", "shut"))),
+        ways,
+        draw(st.sampled_from(("", "open"))),
     )
     arm = Resource("arm", 1, draw(short_travels), draw(st.sampled_from(PLACES)))
-    return Shop(tuple(made), (arm, Resource("oven", 2)), (draw(windows(*made[0].stages)),), (), (door,))
+    return Shop(
+        tuple(made), (arm, Resource("oven", 2)), (draw(windows(*made[0].stages)),), (), (door,)
+    )
 
 
 def agrees(shop: Shop, until: int) -> None:

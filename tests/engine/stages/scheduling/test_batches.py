@@ -34,7 +34,9 @@ from tests.engine.stages.scheduling.brute import both_ways
 
 
 def freezers(cold: list[int], room: int, hot: int, change: int, move: int, early: int) -> Shop:
-    """Jobs that pass an oven for one (if `hot`) and a freezer for `room`, whose lid is shut while it cools."""
+    """Jobs that pass an oven for one (if `hot`) and a freezer for `room`, whose lid is shut
+    while it cools.
+    """
     jobs, windows, holds = [], [], []
     for n, lasts in enumerate(cold):
         into, out = Need("lid", "open", early, move), Need("lid", "open", 0, move)
@@ -45,7 +47,9 @@ def freezers(cold: list[int], room: int, hot: int, change: int, move: int, early
         ]
         if hot:
             stages = [ShopStage(f"start {n}", move, ("arm",)), ShopStage(f"heat {n}", hot), *stages]
-            holds.append(Hold("oven", StageMoment(f"start {n}", move - 1), StageMoment(f"into {n}", 1)))
+            holds.append(
+                Hold("oven", StageMoment(f"start {n}", move - 1), StageMoment(f"into {n}", 1))
+            )
         jobs.append(ShopJob(f"job {n}", tuple(stages)))
         windows += chain_windows(jobs[-1].stages)
         holds.append(Hold("freezer", StageMoment(f"into {n}", early), StageMoment(f"out {n}", 1)))
@@ -66,7 +70,9 @@ shops = st.builds(
 
 
 def optimum(shop: Shop) -> int:
-    """The least makespan, proved without any bound of ours and without what batches tell the solver."""
+    """The least makespan, proved without any bound of ours and without what batches tell the
+    solver.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(shop_model, "service_batches", lambda _: ())
         found = shop_solver.improve_schedule(

@@ -34,13 +34,19 @@ SHOP = Shop(
         ),
         ShopJob("b", (ShopStage("wipe", 3, ("arm",), (), "bench", "bench"),)),
     ),
-    resources=(Resource("arm", 1, {("oven", "bench"): 2, ("bench", "rack"): 1}, "rack"), Resource("oven")),
+    resources=(
+        Resource("arm", 1, {("oven", "bench"): 2, ("bench", "rack"): 1}, "rack"),
+        Resource("oven"),
+    ),
     windows=(StageWindow(StageMoment("bring", 4), StageMoment("bake"), 0, 5),),
     holds=(Hold("oven", StageMoment("bring", 2), StageMoment("bake", 10)),),
     devices=(ShopDevice("door", "arm", "shut", (OPEN, SHUT)),),
 )
 GOOD = Schedule(
-    {"bring": 3, "bake": 9, "wipe": 11}, (Adjustment("door", OPEN, 1), Adjustment("door", SHUT, 7)), 19, 19
+    {"bring": 3, "bake": 9, "wipe": 11},
+    (Adjustment("door", OPEN, 1), Adjustment("door", SHUT, 7)),
+    19,
+    19,
 )
 
 
@@ -81,7 +87,8 @@ def test_each_fault_is_named(schedule: Schedule, said: str | None) -> None:
 
 def test_empty_travel_takes_its_time() -> None:
     shop = replace(
-        SHOP, jobs=(*SHOP.jobs[1:], ShopJob("c", (ShopStage("fetch", 1, ("arm",), (), "rack", "rack"),)))
+        SHOP,
+        jobs=(*SHOP.jobs[1:], ShopJob("c", (ShopStage("fetch", 1, ("arm",), (), "rack", "rack"),))),
     )
     shop = replace(shop, windows=(), holds=(), devices=())
     early = Schedule({"wipe": 0, "fetch": 3}, (), 4, 0)

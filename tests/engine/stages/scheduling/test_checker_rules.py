@@ -1,4 +1,6 @@
-"""The checker of schedules against a replay minute by minute, and each of its rules at its boundary."""
+"""The checker of schedules against a replay minute by minute, and each of its rules at its
+boundary.
+"""
 
 import itertools
 from dataclasses import replace
@@ -23,7 +25,10 @@ from cellwright.engine.model.shop_scheduling import (
 )
 from cellwright.engine.stages.scheduling import check_schedule
 from tests.engine.stages.scheduling.brute import complete
-from tests.engine.stages.scheduling.test_against_brute_force import shops_with_devices, shops_with_windows
+from tests.engine.stages.scheduling.test_against_brute_force import (
+    shops_with_devices,
+    shops_with_windows,
+)
 
 KINDS = {
     "is released at": "release",
@@ -82,7 +87,9 @@ def crowded(shop: Shop, made: Schedule, resource: Resource) -> bool:
         for each in made.adjustments
         if shop.device[each.device].operator == resource.name
     ]
-    return any(sum(minute in each for each in taken) > resource.capacity for minute in range(-5, 30))
+    return any(
+        sum(minute in each for each in taken) > resource.capacity for minute in range(-5, 30)
+    )
 
 
 def moment(made: Schedule, when: StageMoment | None) -> int:
@@ -129,7 +136,9 @@ def devices(shop: Shop, made: Schedule, device: ShopDevice) -> set[str]:
     for name, stage in shop.stages.items():
         for need in stage.needs:
             minutes = range(made.starts[name] + need.begin, made.starts[name] + need.end)
-            if "device" not in broken and any(settings_at.get(minute) != need.setting for minute in minutes):
+            if "device" not in broken and any(
+                settings_at.get(minute) != need.setting for minute in minutes
+            ):
                 broken.add("need")
     return broken
 
@@ -144,7 +153,9 @@ def timed(draw: st.DrawFn) -> tuple[Shop, Schedule]:
         setting, now = device.initial, 0
         for _ in range(draw(st.integers(0, 2))):
             change = draw(
-                st.sampled_from([c for c in device.changes if c.before == setting] * 5 + [*device.changes])
+                st.sampled_from(
+                    [c for c in device.changes if c.before == setting] * 5 + [*device.changes]
+                )
             )
             now = draw(st.integers(max(0, now - 1), now + 3))
             made.append(Adjustment(device.name, change, now))
@@ -154,7 +165,9 @@ def timed(draw: st.DrawFn) -> tuple[Shop, Schedule]:
 
 @settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 @given(timed())
-def test_the_checker_names_the_rules_that_a_replay_finds_broken(case: tuple[Shop, Schedule]) -> None:
+def test_the_checker_names_the_rules_that_a_replay_finds_broken(
+    case: tuple[Shop, Schedule],
+) -> None:
     shop, made = case
     found, expected = kinds(check_schedule(shop, made)), replayed(shop, made)
     if "device" in expected:  # of a device that is changed wrongly nobody knows its settings
@@ -192,7 +205,9 @@ def test_every_stage_is_started() -> None:
 PAIR = Shop((ShopJob("a", (ShopStage("one", 3), ShopStage("two", 2))),), (Resource("slot"),))
 
 
-@pytest.mark.parametrize(("start", "wrong"), [(4, "at least 2"), (5, ""), (6, ""), (7, "at most 3")])
+@pytest.mark.parametrize(
+    ("start", "wrong"), [(4, "at least 2"), (5, ""), (6, ""), (7, "at most 3")]
+)
 def test_windows_are_kept_to_the_minute(start: int, wrong: str) -> None:
     shop = replace(PAIR, windows=(StageWindow(StageMoment("one", 3), StageMoment("two"), 2, 3),))
     found = check_schedule(shop, at(0, start, shop=shop))
@@ -209,10 +224,14 @@ def test_a_resource_is_taken_from_the_first_minute_to_the_last() -> None:
     jobs = tuple(ShopJob(name, (ShopStage(name, 3, ("arm",)),)) for name in ("a", "b", "c"))
     shop = Shop(jobs, (ARM,))
     assert check_schedule(shop, at(0, 3, 6, shop=shop)) == ()
-    assert check_schedule(shop, at(0, 2, 5, shop=shop)) == ("arm has capacity 1, but at 2 it serves a, b",)
+    assert check_schedule(shop, at(0, 2, 5, shop=shop)) == (
+        "arm has capacity 1, but at 2 it serves a, b",
+    )
     two = replace(shop, resources=(replace(ARM, capacity=2),))
     assert check_schedule(two, at(0, 2, 3, shop=two)) == ()
-    assert check_schedule(two, at(0, 1, 2, shop=two)) == ("arm has capacity 2, but at 2 it serves a, b, c",)
+    assert check_schedule(two, at(0, 1, 2, shop=two)) == (
+        "arm has capacity 2, but at 2 it serves a, b, c",
+    )
 
 
 def test_of_each_resource_the_first_conflict_is_named() -> None:
@@ -242,7 +261,10 @@ def test_of_each_resource_the_first_conflict_is_named() -> None:
             Hold("slot", None, StageMoment("two", 1)),
             ("slot has capacity 1, but at 5 it serves hold of two, two",),
         ),
-        (Hold("slot", None, None), ("slot has capacity 1, but at 5 it serves hold of no stage, two",)),
+        (
+            Hold("slot", None, None),
+            ("slot has capacity 1, but at 5 it serves hold of no stage, two",),
+        ),
         (
             Hold("slot", StageMoment("one", 3), StageMoment("two", 1)),
             ("slot has capacity 1, but at 5 it serves hold of one, two",),
@@ -250,7 +272,9 @@ def test_of_each_resource_the_first_conflict_is_named() -> None:
         (Hold("other", None, None), ()),
     ],
 )
-def test_what_is_held_is_taken_from_its_beginning_to_its_end(hold: Hold, found: tuple[str, ...]) -> None:
+def test_what_is_held_is_taken_from_its_beginning_to_its_end(
+    hold: Hold, found: tuple[str, ...]
+) -> None:
     """A hold without a beginning is from the start, one without an end is for good."""
     job = ShopJob("a", (ShopStage("one", 3), ShopStage("two", 2, ("slot",))))
     shop = Shop((job,), (Resource("slot"), Resource("other")), (), (hold,))
@@ -291,7 +315,9 @@ RACK = ShopStage("store", 1, ("arm",), (), "rack", "bench")
         (1, 0, ()),
     ],
 )
-def test_a_resource_that_travels_has_the_time_for_it(bake: int, store: int, found: tuple[str, ...]) -> None:
+def test_a_resource_that_travels_has_the_time_for_it(
+    bake: int, store: int, found: tuple[str, ...]
+) -> None:
     shop = Shop((ShopJob("a", (OVEN, RACK)),), (WAYS, Resource("cart", 1, {("", ""): 99})))
     assert check_schedule(shop, at(bake, store, shop=shop)) == found
 
@@ -324,7 +350,9 @@ def cell(begin: int = 1, end: int = 3, setting: str = "open", final: str = "") -
     return Shop((ShopJob("a", (stage,)),), (ARM,), (), (), (replace(DOOR, final=final),))
 
 
-def doors(start: int, *changes: tuple[Changeover, int], shop: Shop | None = None) -> tuple[str, ...]:
+def doors(
+    start: int, *changes: tuple[Changeover, int], shop: Shop | None = None
+) -> tuple[str, ...]:
     shop = shop or cell()
     return check_schedule(
         shop, complete(shop, {"bake": start}, tuple(Adjustment("door", c, t) for c, t in changes))
@@ -339,7 +367,9 @@ def test_a_device_stands_as_it_is_needed_to_the_minute() -> None:
     assert doors(0) == ("bake needs door open from 1 to 3",)
     assert doors(0, shop=cell(setting="shut")) == ()
     assert doors(4, (OPEN, 0), (SHUT, 2), shop=cell(setting="shut")) == ()
-    assert doors(3, (OPEN, 0), (SHUT, 2), shop=cell(setting="shut")) == ("bake needs door shut from 4 to 6",)
+    assert doors(3, (OPEN, 0), (SHUT, 2), shop=cell(setting="shut")) == (
+        "bake needs door shut from 4 to 6",
+    )
     assert doors(4, (OPEN, 0), (SHUT, 2)) == ("bake needs door open from 5 to 7",)
 
 
@@ -376,7 +406,9 @@ def test_the_makespan_is_the_end_of_all_work() -> None:
 
 def test_the_lower_bound_is_at_most_the_makespan() -> None:
     assert check_schedule(ONE, at(2, lower_bound=5)) == ()
-    assert check_schedule(ONE, at(2, lower_bound=6)) == ("the lower bound 6 is above the makespan 5",)
+    assert check_schedule(ONE, at(2, lower_bound=6)) == (
+        "the lower bound 6 is above the makespan 5",
+    )
 
 
 def test_tardiness_is_the_weighted_sum_of_what_jobs_end_too_late() -> None:
@@ -396,8 +428,15 @@ def test_tardiness_is_the_weighted_sum_of_what_jobs_end_too_late() -> None:
 
 
 def test_a_change_of_a_device_takes_only_the_resource_that_makes_it() -> None:
-    """Resources before and after its name in the alphabet are free, and need no way to the device."""
+    """Resources before and after its name in the alphabet are free, and need no way to the
+    device.
+    """
     others = [Resource(name, 1, {("home", "door"): 9}, "home") for name in ("aisle", "cart")]
     door = ShopDevice("door", "arm", "shut", (Changeover("shut", "open", 2, "door", "door"),))
-    shop = Shop((ShopJob("a", (ShopStage("wait", 3, ("aisle", "cart")),)),), (ARM, *others), (), (), (door,))
-    assert check_schedule(shop, complete(shop, {"wait": 0}, (Adjustment("door", door.changes[0], 1),))) == ()
+    shop = Shop(
+        (ShopJob("a", (ShopStage("wait", 3, ("aisle", "cart")),)),), (ARM, *others), (), (), (door,)
+    )
+    assert (
+        check_schedule(shop, complete(shop, {"wait": 0}, (Adjustment("door", door.changes[0], 1),)))
+        == ()
+    )

@@ -35,14 +35,18 @@ def test_the_answer_in_data_is_a_plan_too(tmp_path: Path) -> None:
     assert again["data"]["schedule"] == answer["data"]["schedule"]
 
 
-@pytest.mark.parametrize("target", ["bulkhead/one_point", pytest.param("themse/one", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "target", ["bulkhead/one_point", pytest.param("themse/one", marks=pytest.mark.slow)]
+)
 def test_the_same_call_gives_the_same_bytes(target: str) -> None:
     one, other = (run(target, "--format", "json").stdout for _ in range(2))
     assert one == other
 
 
 def test_words_are_scheduled_as_well() -> None:
-    result = run("themse", "--command", "heat probe 1 for 15 min and store it again", "--format", "json")
+    result = run(
+        "themse", "--command", "heat probe 1 for 15 min and store it again", "--format", "json"
+    )
     assert json.loads(result.stdout)["status"] == "optimal"
 
 
@@ -59,7 +63,11 @@ def test_a_picture_is_svg(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("words", "code"),
-    [(["themse/unsolvable"], 10), (["themse/nothing"], 2), (["themse/one", "--expansions", "0"], 12)],
+    [
+        (["themse/unsolvable"], 10),
+        (["themse/nothing"], 2),
+        (["themse/one", "--expansions", "0"], 12),
+    ],
 )
 def test_no_schedule_has_its_exit_code(words: list[str], code: int) -> None:
     assert run(*words).exit_code == code

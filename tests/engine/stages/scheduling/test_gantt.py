@@ -32,7 +32,10 @@ def drawn(width: int) -> list[str]:
 
 
 def test_a_row_per_job_of_several_stages_and_per_unit_in_use() -> None:
-    made = {row.name: [(bar.start, bar.end, bar.kind) for bar in row.bars] for row in gantt_rows(SHOP, GOOD)}
+    made = {
+        row.name: [(bar.start, bar.end, bar.kind) for bar in row.bars]
+        for row in gantt_rows(SHOP, GOOD)
+    }
     assert made == {
         "a": [(3, 7, BarKind.STAGE), (9, 19, BarKind.STAGE)],
         "arm": [
@@ -46,8 +49,12 @@ def test_a_row_per_job_of_several_stages_and_per_unit_in_use() -> None:
 
 
 def test_units_of_a_resource_have_rows_of_their_own() -> None:
-    jobs = tuple(ShopJob(name, (ShopStage(f"{name}0", 2), ShopStage(f"{name}1", 2))) for name in "ab")
-    holds = tuple(Hold("slot", StageMoment(f"{name}0"), StageMoment(f"{name}1", 2)) for name in "ab")
+    jobs = tuple(
+        ShopJob(name, (ShopStage(f"{name}0", 2), ShopStage(f"{name}1", 2))) for name in "ab"
+    )
+    holds = tuple(
+        Hold("slot", StageMoment(f"{name}0"), StageMoment(f"{name}1", 2)) for name in "ab"
+    )
     shop = Shop(jobs, (Resource("slot", 2, units=("left", "right")),), (), holds)
     made = gantt_rows(shop, Schedule({"a0": 0, "a1": 4, "b0": 1, "b1": 5}, (), 7, 0))
     assert [row.name for row in made] == ["a", "b", "left", "right"]
@@ -69,16 +76,22 @@ def test_the_picture_is_xml_with_a_bar_for_everything() -> None:
     assert "bake, 9 to 19" in titles
     assert "door: open, 1 to 3" in titles
     assert titles[0] == schedule_summary(GOOD, "s")
-    bars = [each for each in root.iter("{http://www.w3.org/2000/svg}rect") if each.get("class") == "bar"]
+    bars = [
+        each for each in root.iter("{http://www.w3.org/2000/svg}rect") if each.get("class") == "bar"
+    ]
     assert len(bars) == sum(len(row.bars) for row in gantt_rows(SHOP, GOOD))
 
 
 def test_steps_of_one_operator_have_one_colour_and_a_legend() -> None:
     steps = ("1 move(a, b)", "2 look(b)", "3 move(b, a)")
-    shop = Shop(tuple(ShopJob(each, (ShopStage(each, 4, ("arm",)),)) for each in steps), (Resource("arm"),))
+    shop = Shop(
+        tuple(ShopJob(each, (ShopStage(each, 4, ("arm",)),)) for each in steps), (Resource("arm"),)
+    )
     made = Schedule({each: 4 * n for n, each in enumerate(steps)}, (), 12, 12)
     root = ET.fromstring(draw_gantt(shop, made, "s"))
-    bars = [each for each in root.iter("{http://www.w3.org/2000/svg}rect") if each.get("class") == "bar"]
+    bars = [
+        each for each in root.iter("{http://www.w3.org/2000/svg}rect") if each.get("class") == "bar"
+    ]
     first, look, last = sorted(bars, key=lambda each: float(each.get("x", 0)))
     assert first.get("fill") == last.get("fill") != look.get("fill")
     told = [each.text for each in root.iter("{http://www.w3.org/2000/svg}text")]
@@ -92,11 +105,20 @@ def test_data_say_when_each_stage_is() -> None:
         ("bake", 9, 19),
         ("wipe", 11, 14),
     ]
-    assert entry["changes"][0] == {"device": "door", "from": "shut", "to": "open", "start": 1, "end": 3}
+    assert entry["changes"][0] == {
+        "device": "door",
+        "from": "shut",
+        "to": "open",
+        "start": 1,
+        "end": 3,
+    }
     assert (entry["makespan"], entry["lower_bound"], entry["gap"]) == (19, 19, 0.0)
 
 
 def test_the_summary_says_what_is_known() -> None:
     open_one = Schedule({}, (), 100, 98, 3)
-    assert schedule_summary(open_one, "s") == "makespan 100 s, at least 98, gap 2.0 %, weighted tardiness 3"
+    assert (
+        schedule_summary(open_one, "s")
+        == "makespan 100 s, at least 98, gap 2.0 %, weighted tardiness 3"
+    )
     assert schedule_summary(Schedule({}, (), 5, 5, 0, True)) == "makespan 5, proved to be the least"

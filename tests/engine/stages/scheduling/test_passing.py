@@ -35,7 +35,9 @@ def test_an_arm_that_rests_in_the_way_for_good_goes_last() -> None:
 
 def test_two_arms_that_rest_in_each_others_way_cannot_pass() -> None:
     rests = [("a", 1, 2), ("b", 2, 1)]
-    assert isinstance(schedule_crossing(crossing([3], [2], [(1, 2)], rests), ScheduleLimits(1.0)), Infeasible)
+    assert isinstance(
+        schedule_crossing(crossing([3], [2], [(1, 2)], rests), ScheduleLimits(1.0)), Infeasible
+    )
 
 
 def test_the_makespan_is_that_of_the_best_of_all_orders() -> None:

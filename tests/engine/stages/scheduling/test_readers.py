@@ -1,11 +1,18 @@
-"""S-LAB tables and job-shop files are read as they are, and what is wrong in them is told with its place."""
+"""S-LAB tables and job-shop files are read as they are, and what is wrong in them is told with
+its place.
+"""
 
 from pathlib import Path
 
 import pytest
 
 from cellwright.engine.formats.interop.shop_files import is_slab, read_jobshop, read_slab
-from cellwright.engine.model.shop_scheduling import Resource, StageMoment, StageWindow, ValidSchedule
+from cellwright.engine.model.shop_scheduling import (
+    Resource,
+    StageMoment,
+    StageWindow,
+    ValidSchedule,
+)
 from cellwright.engine.stages.scheduling import schedule_shop
 from cellwright.kb.diagnostics import InvalidInput
 
@@ -80,7 +87,10 @@ def test_a_missing_table_is_told(tmp_path: Path) -> None:
 
 
 TEXT = "a comment\n2 2\n0 3 1 2\n1 2 0 1\n"
-JSON = '{"small": {"duration_matrix": [[3, 2], [2, 1]], "machines_matrix": [[0, 1], [1, 0]]}, "none": {}}'
+JSON = (
+    '{"small": {"duration_matrix": [[3, 2], [2, 1]], "machines_matrix": [[0, 1], [1, 0]]}, '
+    '"none": {}}'
+)
 
 
 def test_both_notations_of_job_shops_say_the_same(tmp_path: Path) -> None:
@@ -105,7 +115,13 @@ def test_both_notations_of_job_shops_say_the_same(tmp_path: Path) -> None:
         ("a.json", "{", "", "K806", "not JSON"),
         ("a.txt", "words\n", "", "K806", "no line with the numbers"),
         ("a.txt", TEXT.replace("2 2", "3 2", 1), "", "K806", "3 jobs are announced, but 2 lines"),
-        ("a.txt", TEXT.replace("1 2 0 1", "1 2 5 1"), "", "K806", "pairs of a machine number below 2"),
+        (
+            "a.txt",
+            TEXT.replace("1 2 0 1", "1 2 5 1"),
+            "",
+            "K806",
+            "pairs of a machine number below 2",
+        ),
     ],
 )
 def test_what_is_no_job_shop_is_refused(

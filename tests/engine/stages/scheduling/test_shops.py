@@ -41,11 +41,15 @@ def solved(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> ValidSchedu
     return found
 
 
-works = st.lists(st.tuples(st.integers(0, 9), st.integers(1, 6), st.integers(0, 9)), min_size=1, max_size=7)
+works = st.lists(
+    st.tuples(st.integers(0, 9), st.integers(1, 6), st.integers(0, 9)), min_size=1, max_size=7
+)
 
 
 @given(works)
-def test_jackson_is_the_greatest_bound_of_any_subset(given_works: list[tuple[int, int, int]]) -> None:
+def test_jackson_is_the_greatest_bound_of_any_subset(
+    given_works: list[tuple[int, int, int]],
+) -> None:
     bounds = [
         min(head for head, _, _ in chosen)
         + sum(size for _, size, _ in chosen)
@@ -82,7 +86,9 @@ def test_workers_may_race() -> None:
 
 def test_an_interruption_ends_the_search_with_the_best_so_far() -> None:
     started = time.monotonic()
-    found = solved(job_shop(12, 12, 1), ScheduleLimits(interrupted=lambda: time.monotonic() > started + 0.1))
+    found = solved(
+        job_shop(12, 12, 1), ScheduleLimits(interrupted=lambda: time.monotonic() > started + 0.1)
+    )
     assert time.monotonic() < started + 20
     assert found.schedule.lower_bound <= found.schedule.makespan
 
@@ -103,7 +109,11 @@ def test_windows_that_contradict_each_other_are_infeasible() -> None:
 
 def test_a_dwell_window_moves_what_comes_before_it() -> None:
     """The oven is needed at 10 by another job; the dough, mixed too early, would wait too long."""
-    mix, bake, other = ShopStage("mix", 2), ShopStage("bake", 5, ("oven",)), ShopStage("other", 10, ("oven",))
+    mix, bake, other = (
+        ShopStage("mix", 2),
+        ShopStage("bake", 5, ("oven",)),
+        ShopStage("other", 10, ("oven",)),
+    )
     windows = (
         StageWindow(StageMoment("mix", 2), StageMoment("bake"), 0, 1),
         StageWindow(StageMoment("other"), StageMoment("bake"), 10),
@@ -127,7 +137,9 @@ def test_who_is_due_comes_first_whatever_the_makespan() -> None:
 
 
 def test_equal_jobs_are_alike_and_others_are_not() -> None:
-    jobs = tuple(ShopJob(f"j{n}", (ShopStage(f"a{n}", 2, ("m",)), ShopStage(f"b{n}", 3))) for n in range(3))
+    jobs = tuple(
+        ShopJob(f"j{n}", (ShopStage(f"a{n}", 2, ("m",)), ShopStage(f"b{n}", 3))) for n in range(3)
+    )
     windows = tuple(window for job in jobs[:2] for window in chain_windows(job.stages))
     groups = alike_jobs(Shop(jobs, (Resource("m"),), windows))
     assert [[job.name for job in group] for group in groups] == [["j0", "j1"]]
@@ -137,7 +149,10 @@ def test_setups_between_families_are_kept_apart_from_places() -> None:
     """Set-ups that do not obey the triangle inequality need the sequence, not only pairs."""
     setups = {("x", "z"): 9, ("x", "y"): 1, ("y", "z"): 1}
     stages = [ShopStage(name, 1, ("m",), (), name, name) for name in "xyz"]
-    order = StageWindow(StageMoment("x"), StageMoment("y")), StageWindow(StageMoment("y"), StageMoment("z"))
+    order = (
+        StageWindow(StageMoment("x"), StageMoment("y")),
+        StageWindow(StageMoment("y"), StageMoment("z")),
+    )
     jobs = tuple(ShopJob(stage.name, (stage,)) for stage in stages)
     made = solved(Shop(jobs, (Resource("m", 1, setups, "x"),), order)).schedule
     assert made.makespan == 5

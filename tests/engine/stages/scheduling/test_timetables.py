@@ -1,4 +1,6 @@
-"""Plans of the laboratory cell, scheduled: the furnace's critical path, proved, and always also a valid plan."""
+"""Plans of the laboratory cell, scheduled: the furnace's critical path, proved, and always also
+a valid plan.
+"""
 
 import functools
 import shutil
@@ -88,7 +90,9 @@ def test_a_plan_without_structure_keeps_its_own_order() -> None:
 
 @pytest.mark.slow
 def test_two_places_of_the_freezer_are_used_at_once(tmp_path: Path) -> None:
-    """When cooling takes longer than heating, capacity of the freezer is what counts; its slots are interchangeable."""
+    """When cooling takes longer than heating, capacity of the freezer is what counts; its slots
+    are interchangeable.
+    """
     text = """problem: cold
 domain: themse
 statics: [{statics}]
@@ -103,7 +107,11 @@ workflow:
         made.append(timed(load_problem(str(file))))
     assert [each.schedule.proved for each in made] == [True, True]
     assert made[1].schedule.makespan < made[0].schedule.makespan
-    used = {str(step.operator.arguments[1]) for step in made[1].plan.steps if step.operator.name == "cool"}
+    used = {
+        str(step.operator.arguments[1])
+        for step in made[1].plan.steps
+        if step.operator.name == "cool"
+    }
     assert used == {"slot(freezer, 1)", "slot(freezer, 2)"}
 
 
@@ -138,7 +146,9 @@ travel(A, B, T) :- near(A, U), near(B, V), way(U, V, T).
 def laboratory(tmp_path: Path) -> Path:
     """The laboratory with empty travel, and predicates for what else can be said about time."""
     home = tmp_path / "lab"
-    shutil.copytree(bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    shutil.copytree(
+        bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems")
+    )
     rules, domain = home / "rules.lp", home / "domain.yaml"
     rules.write_text(rules.read_text("utf-8") + RULES, "utf-8")
     text = domain.read_text("utf-8").replace("\nstatics:", f"\nstatics:{STATICS.rstrip()}", 1)
@@ -150,14 +160,18 @@ def laboratory(tmp_path: Path) -> Path:
 def of_two(home: Path, *statics: str) -> Problem:
     facts = "".join(f"  - {fact}\n" for fact in statics)
     text = "problem: two\ndomain: ..\n" + (f"statics:\n{facts}" if facts else "")
-    text += "workflow:\n  - for: {P: [probe_1, probe_2]}\n    stages: heated(P, 15 min), cooled(P, 5 min), stored(P)\n"
+    text += (
+        "workflow:\n  - for: {P: [probe_1, probe_2]}\n    stages: heated(P, 15 min), cooled(P, "
+        "5 min), stored(P)\n"
+    )
     (home / "problems" / "two.yaml").write_text(text, "utf-8")
     return load_problem(str(home / "problems" / "two.yaml"))
 
 
 def test_empty_travel_counts(laboratory: Path) -> None:
     made = timed(of_two(laboratory))
-    assert made.schedule.makespan == 2243 + 4 + 5  # from the flap to the drawer, and from the freezer to it
+    # from the flap to the drawer, and from the freezer to it
+    assert made.schedule.makespan == 2243 + 4 + 5
     assert made.schedule.proved
 
 
@@ -167,11 +181,17 @@ def test_nothing_stays_in_the_heat_longer_than_allowed(laboratory: Path) -> None
     made = timed(of_two(laboratory, "longest_stay(furnace, 906)"))
     steps = {(s.operator.name, *map(str, s.operator.arguments[:2])): s for s in made.plan.steps}
     for probe in ("probe_1", "probe_2"):
-        put, pick = steps["put", probe, "slot(furnace, 1)"], steps["pick", probe, "slot(furnace, 1)"]
+        put, pick = (
+            steps["put", probe, "slot(furnace, 1)"],
+            steps["pick", probe, "slot(furnace, 1)"],
+        )
         assert made.starts[pick.id] - made.starts[put.id] - put.duration <= 906
     assert made.schedule.makespan >= free.makespan
     tight = timed(of_two(laboratory, "longest_stay(furnace, 905)"))
-    assert {each.thing: each.lasts >= 906 for each in tight.overstays} == {"probe_1": True, "probe_2": True}
+    assert {each.thing: each.lasts >= 906 for each in tight.overstays} == {
+        "probe_1": True,
+        "probe_2": True,
+    }
     assert tight.note == "no order of the steps keeps to all longest stays"
 
 

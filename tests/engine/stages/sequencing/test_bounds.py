@@ -1,4 +1,6 @@
-"""1-trees against networkx, the excess of edges against trees that are made to have them, bounds against brute force."""
+"""1-trees against networkx, the excess of edges against trees that are made to have them,
+bounds against brute force.
+"""
 
 import itertools
 
@@ -27,7 +29,9 @@ def drawn(n: int, seed: int) -> tuple[Ints, Floats]:
 
 
 def weight_of_one_tree(cost: Ints, penalty: Floats, forced: tuple[int, int] | None = None) -> float:
-    """The weight of the cheapest 1-tree with a forced edge, less twice the penalties, by networkx and sorting."""
+    """The weight of the cheapest 1-tree with a forced edge, less twice the penalties, by
+    networkx and sorting.
+    """
     n = len(cost)
     weight = cost + penalty[:, None] + penalty[None]
     graph = nx.Graph()
@@ -41,7 +45,9 @@ def weight_of_one_tree(cost: Ints, penalty: Floats, forced: tuple[int, int] | No
 
 @settings(deadline=None)
 @given(sizes, seeds)
-def test_one_trees_weigh_what_networkx_says_and_have_as_many_edges_as_cities(n: int, seed: int) -> None:
+def test_one_trees_weigh_what_networkx_says_and_have_as_many_edges_as_cities(
+    n: int, seed: int
+) -> None:
     cost, penalty = drawn(n, seed)
     degree, parent = np.zeros(n, np.int32), np.zeros(n, np.int32)
     assert one_tree(cost, penalty, degree, parent) == weight_of_one_tree(cost, penalty)
@@ -60,7 +66,9 @@ def test_the_excess_of_an_edge_is_what_a_tree_with_it_weighs_more(n: int, seed: 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(4, 7), seeds)
-def test_a_bound_is_never_above_the_shortest_tour_and_is_shown_by_its_penalties(n: int, seed: int) -> None:
+def test_a_bound_is_never_above_the_shortest_tour_and_is_shown_by_its_penalties(
+    n: int, seed: int
+) -> None:
     cost, _ = drawn(n, seed)
     tours = (np.array((0, *rest)) for rest in itertools.permutations(range(1, n)))
     shortest = min(int(cost[tour, np.roll(tour, -1)].sum()) for tour in tours)
@@ -117,5 +125,6 @@ def test_candidates_are_the_cheapest_in_each_quadrant_then_the_cheapest(
         rest = [c for c in others if c not in firsts]
         wanted = firsts | set(rest[: max(0, len(found) - len(firsts))])
         best = [c for c in others if c in wanted][: len(found)]
-        assert [cost[city, c] for c in found] == [cost[city, c] for c in best]  # of equals, any will do
+        # of equals, any will do
+        assert [cost[city, c] for c in found] == [cost[city, c] for c in best]
         assert {side[c] for c in found} == {side[c] for c in best}

@@ -14,7 +14,9 @@ Ints = NDArray[np.int32]
 
 def city(n: int, seed: int) -> tuple[NDArray[np.float64], Ints]:
     places = np.random.default_rng(seed).integers(0, 1000, (n, 2)).astype(float)
-    return places, np.rint(np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))).astype(np.int32)
+    return places, np.rint(np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))).astype(
+        np.int32
+    )
 
 
 def length(tour: Ints, cost: Ints) -> int:

@@ -31,7 +31,11 @@ def tolls(cost: NDArray[Any], near: NDArray[np.int32]) -> NDArray[np.int64]:
 
 
 def kicker_of(
-    module: ModuleType, tour: NDArray[np.int32], cost: NDArray[Any], near: NDArray[np.int32], seed: int
+    module: ModuleType,
+    tour: NDArray[np.int32],
+    cost: NDArray[Any],
+    near: NDArray[np.int32],
+    seed: int,
 ) -> Any:
     """What anneals a tour."""
     loose = np.full(len(tour), -1, np.int32)
@@ -44,7 +48,8 @@ def length(tour: NDArray[np.int32], cost: NDArray[np.int32]) -> int:
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(
-    ("module", "n"), [*itertools.product([kicks], [8, 9, 60, 300]), *itertools.product([PLAIN], [8, 9, 30])]
+    ("module", "n"),
+    [*itertools.product([kicks], [8, 9, 60, 300]), *itertools.product([PLAIN], [8, 9, 30])],
 )
 def test_the_gain_is_the_difference_of_the_tours_and_both_visit_every_city(
     module: ModuleType, n: int, seed: int
@@ -67,7 +72,9 @@ def test_the_gain_is_the_difference_of_the_tours_and_both_visit_every_city(
 def test_small_tours_are_as_short_as_brute_force_finds_them(seed: int) -> None:
     n = 8
     cost, near = instance(n, seed)
-    shortest = min(length(np.array((0, *rest)), cost) for rest in itertools.permutations(range(1, n)))
+    shortest = min(
+        length(np.array((0, *rest)), cost) for rest in itertools.permutations(range(1, n))
+    )
     kicker = kicker_of(kicks, np.arange(n, dtype=np.int32), cost, near, seed)
     kicker.settle(0, n)
     kicker.anneal(500, 50.0, 0.99)
@@ -115,7 +122,10 @@ def test_edges_that_must_stay_stay(n: int, seed: int, pairs: int) -> None:
     kicker.settle(0, n)
     kicker.anneal(100, 50.0, 0.99)
     for found in (tour, kicker.best()):
-        beside = {frozenset(pair) for pair in zip(found.tolist(), np.roll(found, -1).tolist(), strict=True)}
+        beside = {
+            frozenset(pair)
+            for pair in zip(found.tolist(), np.roll(found, -1).tolist(), strict=True)
+        }
         assert {frozenset((2 * pair, 2 * pair + 1)) for pair in range(pairs)} <= beside
 
 

@@ -1,4 +1,6 @@
-"""Many visits: metrics without a matrix, merged tours, and bounds that see few edges, against plain versions."""
+"""Many visits: metrics without a matrix, merged tours, and bounds that see few edges, against
+plain versions.
+"""
 
 from dataclasses import replace
 
@@ -44,7 +46,9 @@ def scattered(n: int, seed: int, dimensions: int = 2) -> np.ndarray:
 
 @settings(max_examples=20, deadline=None)
 @given(st.sampled_from(KERNELS), seeds, st.integers(2, 3))
-def test_kernels_compute_the_costs_that_the_metric_says(kind: str, seed: int, dimensions: int) -> None:
+def test_kernels_compute_the_costs_that_the_metric_says(
+    kind: str, seed: int, dimensions: int
+) -> None:
     points = scattered(12, seed, 2 if kind == "pseudo_euclidean" else dimensions)
     if kind == "micrometres":
         points = points * 1e-3
@@ -67,7 +71,11 @@ def replace_module(costs: CityCosts, module: object) -> distances.Distances:
     points = np.zeros((len(costs.metric), 3))
     points[:, : costs.metric.points.shape[1]] = costs.metric.points
     made: distances.Distances = module.Distances(  # type: ignore[attr-defined]
-        metric=costs.metric.kind, points=points, group=costs.group, extra=costs.extra, ends=costs.ends
+        metric=costs.metric.kind,
+        points=points,
+        group=costs.group,
+        extra=costs.extra,
+        ends=costs.ends,
     )
     return made
 
@@ -86,7 +94,9 @@ def test_the_curve_visits_every_point_once(n: int, seed: int, dimensions: int) -
 
 
 def test_the_curve_goes_from_neighbour_to_neighbour_on_a_grid() -> None:
-    grid = np.stack(np.meshgrid(np.arange(16), np.arange(16)), axis=-1).reshape(-1, 2) * 4096.0 + 2048
+    grid = (
+        np.stack(np.meshgrid(np.arange(16), np.arange(16)), axis=-1).reshape(-1, 2) * 4096.0 + 2048
+    )
     points = np.concatenate((grid, [[0.0, 0.0], [65535.0, 65535.0]]))
     order = [each for each in along_hilbert(points) if each < 256]
     steps = np.abs(np.diff(grid[order], axis=0)).sum(axis=1)
@@ -100,7 +110,9 @@ def test_a_merged_tour_costs_no_more_than_the_first_and_keeps_what_all_have(
 ) -> None:
     rng = np.random.default_rng(seed)
     ends = rng.integers(0, 99, n) if ended else np.zeros(0, np.int64)
-    costs = CityCosts(None, Metric("rounded", rng.integers(0, 500, (n - ended, 2)).astype(float)), ends=ends)
+    costs = CityCosts(
+        None, Metric("rounded", rng.integers(0, 500, (n - ended, 2)).astype(float)), ends=ends
+    )
     tours = [np.arange(n, dtype=np.int32)]
     for _ in range(others):
         first, last = sorted(rng.integers(0, n, 2))
@@ -120,10 +132,16 @@ def edges_of(tour: np.ndarray) -> set[frozenset[int]]:
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(8, 40), seeds)
-def test_trees_of_few_edges_and_without_a_matrix_weigh_what_trees_of_all_edges_do(n: int, seed: int) -> None:
+def test_trees_of_few_edges_and_without_a_matrix_weigh_what_trees_of_all_edges_do(
+    n: int, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     metric = Metric("rounded", rng.integers(0, 100, (n, 2)).astype(float))
-    penalty, degree, parent = rng.integers(-500, 500, n) / 64, np.zeros(n, np.int32), np.zeros(n, np.int32)
+    penalty, degree, parent = (
+        rng.integers(-500, 500, n) / 64,
+        np.zeros(n, np.int32),
+        np.zeros(n, np.int32),
+    )
     weight = bounds.one_tree(metric.matrix().astype(np.int32), penalty, degree, parent)
     costs = CityCosts(None, metric)
     assert trees.full_tree(costs.kernel(), penalty, parent) - 2 * penalty.sum() == weight
@@ -153,7 +171,11 @@ def test_shortest_trees_and_their_clusters_are_those_of_scipy(n: int, seed: int)
     matrix = csr_array((weight[own] - least, (a[own], b[own])), shape=(n, n))
     plain = np.sort(minimum_spanning_tree(matrix).data) + least
     for module in (graphs, PLAIN["graphs"]):
-        graph, found, cluster = module.Graph(a, b, cost, n), np.zeros(n, np.int32), np.zeros(n, np.int32)
+        graph, found, cluster = (
+            module.Graph(a, b, cost, n),
+            np.zeros(n, np.int32),
+            np.zeros(n, np.int32),
+        )
         tree = found[: graph.span(penalty, cities, found)]
         assert np.allclose(weight[tree], plain)
         graph.clusters(tree[:kept], cluster)
@@ -179,19 +201,26 @@ def test_a_graph_of_few_edges_says_no_more_than_all_edges_allow() -> None:
     points = np.concatenate([rng.normal(centre, 200, (50, 2)) for centre in centres])
     costs = of_matrix(Metric("rounded", points).matrix())
     tour = symmetric_tours.search_tour(costs, along_hilbert(points), TourLimits(work=20_000)).order
-    lower, _ = held_karp_bound.sparse_lower_bound(costs, symmetric_tours.tour_candidates(costs, points), tour)
+    lower, _ = held_karp_bound.sparse_lower_bound(
+        costs, symmetric_tours.tour_candidates(costs, points), tour
+    )
     assert 0.9 * costs.of_tour(tour) < lower <= costs.of_tour(tour)
 
 
 @pytest.mark.slow
 def test_the_bound_of_an_open_tour_counts_the_change_of_tools() -> None:
-    """The city that stands for the ends is near all others, and the tools are far from each other though their places are not."""
+    """The city that stands for the ends is near all others, and the tools are far from each
+    other though their places are not.
+    """
     where = np.random.default_rng(11).uniform(0, 1000, (240, 2))
-    visits = tuple(Visit(str(i), (float(x), float(y)), "ab"[i % 2]) for i, (x, y) in enumerate(where))
+    visits = tuple(
+        Visit(str(i), (float(x), float(y)), "ab"[i % 2]) for i, (x, y) in enumerate(where)
+    )
     changes = {("a", "b"): 5000, ("b", "a"): 5000}
     ways = Metric("rounded", where).matrix()
     found = sequence_tour(
-        TourProblem("two tools", visits, ways, closed=False, changes=changes), TourLimits(work=20_000)
+        TourProblem("two tools", visits, ways, closed=False, changes=changes),
+        TourLimits(work=20_000),
     )
     assert isinstance(found, Tour)
     assert found.cost > 5000
@@ -214,14 +243,18 @@ def test_a_bound_from_the_nearest_cities_lies_below_the_bound_from_all(
 def many(n: int, **options: object) -> TourProblem:
     """Visits at random places, without a matrix."""
     where = np.random.default_rng(n).uniform(0, 1e5, (n, 2))
-    visits = tuple(Visit(str(i), (float(x), float(y)), "ab"[i % 2]) for i, (x, y) in enumerate(where))
+    visits = tuple(
+        Visit(str(i), (float(x), float(y)), "ab"[i % 2]) for i, (x, y) in enumerate(where)
+    )
     made = TourProblem("many", visits, Metric("rounded", where))
     return replace(made, **options)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, {("a", "b"): 5000, ("b", "a"): 5000}])
-@pytest.mark.parametrize("ends", [(True, None, None), (False, None, None), (False, 3, None), (True, 3, 7)])
+@pytest.mark.parametrize(
+    "ends", [(True, None, None), (False, None, None), (False, 3, None), (True, 3, 7)]
+)
 def test_a_metric_gives_the_tours_that_its_matrix_gives_about(
     changes: dict[tuple[str, str], int], ends: tuple[bool, int | None, int | None]
 ) -> None:

@@ -37,7 +37,9 @@ def test_few_visits_in_phases_are_ordered_as_well_as_by_trying_all(
     phases: list[int], closed: bool, seed: int
 ) -> None:
     asked = problem(phases, seed, closed=closed)
-    orders = (order for order in permutations(range(len(phases))) if not tour_violations(asked, order))
+    orders = (
+        order for order in permutations(range(len(phases))) if not tour_violations(asked, order)
+    )
     assert solved(asked).cost == min(cost_of(asked, order) for order in orders)
 
 
@@ -47,7 +49,9 @@ def test_the_bound_of_phases_one_after_another_is_not_above_the_least_cost(
     phases: list[int], seed: int
 ) -> None:
     asked = problem(phases, seed, closed=False)
-    orders = (order for order in permutations(range(len(phases))) if not tour_violations(asked, order))
+    orders = (
+        order for order in permutations(range(len(phases))) if not tour_violations(asked, order)
+    )
     least = min(cost_of(asked, order) for order in orders)
     found = by_phases(asked, QUICK, "auto", sequence_tour)
     assert isinstance(found, Tour)
@@ -57,7 +61,9 @@ def test_the_bound_of_phases_one_after_another_is_not_above_the_least_cost(
 @pytest.mark.parametrize("closed", [True, False])
 def test_many_visits_keep_their_phases(closed: bool) -> None:
     asked = problem([-2] * 10 + [0] * 60 + [-1] * 15, closed=closed)
-    assert [asked.visits[each].phase for each in solved(asked).order] == [-2] * 10 + [-1] * 15 + [0] * 60
+    assert [asked.visits[each].phase for each in solved(asked).order] == [-2] * 10 + [-1] * 15 + [
+        0
+    ] * 60
 
 
 def test_ends_that_contradict_the_phases_are_refused() -> None:

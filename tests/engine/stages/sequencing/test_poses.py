@@ -1,4 +1,6 @@
-"""Orders and poses together, against all of them; and the layered shortest path against all choices."""
+"""Orders and poses together, against all of them; and the layered shortest path against all
+choices.
+"""
 
 import itertools
 
@@ -9,7 +11,11 @@ from hypothesis import strategies as st
 
 from cellwright.engine.model.tour_problem import PoseProblem, Visit
 from cellwright.engine.stages.sequencing import TourLimits
-from cellwright.engine.stages.sequencing.pose_tours import pose_tour_time, tour_then_poses, with_poses
+from cellwright.engine.stages.sequencing.pose_tours import (
+    pose_tour_time,
+    tour_then_poses,
+    with_poses,
+)
 
 
 def problem(n: int, most: int, seed: int) -> PoseProblem:
@@ -39,7 +45,9 @@ def test_the_poses_of_an_order_are_the_best_of_all_choices(n: int, seed: int) ->
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_eight_visits_of_two_poses_are_toured_as_fast_as_all_orders_and_choices_say(seed: int) -> None:
+def test_eight_visits_of_two_poses_are_toured_as_fast_as_all_orders_and_choices_say(
+    seed: int,
+) -> None:
     drawn = problem(8, 2, seed)
     tour = with_poses(drawn, TourLimits(work=3000))
     arrays = [q / drawn.speeds for q in drawn.poses]
@@ -55,7 +63,8 @@ def test_eight_visits_of_two_poses_are_toured_as_fast_as_all_orders_and_choices_
         best = longer
     ends = ((time, at, pose, first) for (_, at, pose, first), time in best.items())
     least = min(
-        time + float(np.abs(arrays[at][pose] - arrays[0][first]).max()) for time, at, pose, first in ends
+        time + float(np.abs(arrays[at][pose] - arrays[0][first]).max())
+        for time, at, pose, first in ends
     )
     assert tour.cost == pytest.approx(1e6 * least, abs=1)
 
@@ -65,7 +74,9 @@ def test_together_is_never_slower_than_one_after_the_other(seed: int) -> None:
     drawn = problem(40, 6, seed)
     together, baseline = with_poses(drawn), tour_then_poses(drawn)
     assert together.cost <= baseline.cost
-    assert together.cost == pytest.approx(1e6 * pose_tour_time(drawn, together.order, together.poses), abs=1)
+    assert together.cost == pytest.approx(
+        1e6 * pose_tour_time(drawn, together.order, together.poses), abs=1
+    )
     assert sorted(together.order) == list(range(40))
 
 
@@ -76,7 +87,9 @@ def test_the_same_work_and_seed_give_the_same_poses() -> None:
 
 def test_an_interrupt_leaves_the_baseline() -> None:
     drawn = problem(30, 5, 2)
-    assert with_poses(drawn, TourLimits(interrupted=lambda: True)).cost == tour_then_poses(drawn).cost
+    assert (
+        with_poses(drawn, TourLimits(interrupted=lambda: True)).cost == tour_then_poses(drawn).cost
+    )
 
 
 def test_a_visit_without_a_position_takes_part() -> None:

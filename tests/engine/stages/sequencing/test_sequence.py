@@ -32,14 +32,19 @@ def problems(draw: st.DrawFn, least: int = 1, most: int = 6) -> TourProblem:
             (int(a), int(a + w)) if rng.random() < 0.6 else None
             for a, w in zip(early, rng.integers(20, 200, n), strict=True)
         ]
-    tools = [str(rng.choice(["probe", "laser"])) for _ in range(n)] if draw(st.booleans()) else [""] * n
+    tools = (
+        [str(rng.choice(["probe", "laser"])) for _ in range(n)] if draw(st.booleans()) else [""] * n
+    )
     visits = tuple(
-        Visit(f"v{i}", None, tools[i], int(rng.integers(0, 9)) * (windows[i] is not None), windows[i])
+        Visit(
+            f"v{i}", None, tools[i], int(rng.integers(0, 9)) * (windows[i] is not None), windows[i]
+        )
         for i in range(n)
     )
     ends = st.none() | st.integers(0, n - 1)
     pairs = st.lists(
-        st.tuples(st.integers(0, n - 1), st.integers(0, n - 1)).filter(lambda p: p[0] != p[1]), max_size=3
+        st.tuples(st.integers(0, n - 1), st.integers(0, n - 1)).filter(lambda p: p[0] != p[1]),
+        max_size=3,
     )
     return TourProblem(
         "drawn",
@@ -48,7 +53,9 @@ def problems(draw: st.DrawFn, least: int = 1, most: int = 6) -> TourProblem:
         draw(st.booleans()),
         draw(ends),
         draw(ends),
-        {("probe", "laser"): 30, ("laser", "probe"): draw(st.sampled_from([30, 7]))} if any(tools) else {},
+        {("probe", "laser"): 30, ("laser", "probe"): draw(st.sampled_from([30, 7]))}
+        if any(tools)
+        else {},
         tuple(draw(pairs)) if n > 1 and draw(st.booleans()) else (),
     )
 
@@ -66,7 +73,9 @@ def least_cost(problem: TourProblem) -> int | None:
 
 @settings(max_examples=150, deadline=None)
 @given(problems())
-def test_small_problems_of_every_kind_are_solved_as_all_permutations_say(problem: TourProblem) -> None:
+def test_small_problems_of_every_kind_are_solved_as_all_permutations_say(
+    problem: TourProblem,
+) -> None:
     answer = sequence_tour(problem, QUICK)
     least = least_cost(problem)
     if least is None:
@@ -97,7 +106,9 @@ def test_bounds_are_near_where_conditions_leave_few_orders() -> None:
 @settings(max_examples=40, deadline=None)
 @given(problems(7, 8))
 def test_up_to_eight_visits_are_solved_as_all_permutations_say(problem: TourProblem) -> None:
-    test_small_problems_of_every_kind_are_solved_as_all_permutations_say.hypothesis.inner_test(problem)  # type: ignore[attr-defined]
+    test_small_problems_of_every_kind_are_solved_as_all_permutations_say.hypothesis.inner_test(
+        problem
+    )  # type: ignore[attr-defined]
 
 
 def points(n: int, seed: int, **options: object) -> TourProblem:
@@ -109,7 +120,9 @@ def points(n: int, seed: int, **options: object) -> TourProblem:
 
 
 @pytest.mark.parametrize("ends", list(itertools.product((True, False), (None, 3), (None, 7))))
-def test_ends_are_kept_and_the_bound_lies_below_the_cost(ends: tuple[bool, int | None, int | None]) -> None:
+def test_ends_are_kept_and_the_bound_lies_below_the_cost(
+    ends: tuple[bool, int | None, int | None],
+) -> None:
     problem = points(40, 2, closed=ends[0], start=ends[1], end=ends[2])
     answer = sequence_tour(problem, QUICK)
     assert isinstance(answer, Tour)
@@ -124,7 +137,8 @@ def test_open_tours_cost_no_more_than_closed_ones_without_their_dearest_arc() ->
     assert isinstance(opened, Tour)
     arcs = points(60, 4).travel
     dearest = max(
-        int(arcs[a, b]) for a, b in zip(closed.order, (*closed.order[1:], closed.order[0]), strict=True)
+        int(arcs[a, b])
+        for a, b in zip(closed.order, (*closed.order[1:], closed.order[0]), strict=True)
     )
     assert opened.cost <= closed.cost - dearest
 
@@ -141,7 +155,9 @@ def test_the_default_is_no_worse_than_the_chain_of_1987_and_both_respect_the_bou
 def test_directed_costs_of_many_visits_are_improved_and_bounded() -> None:
     travel = np.random.default_rng(3).integers(1, 1000, (80, 80))
     np.fill_diagonal(travel, 0)
-    problem = TourProblem("directed", tuple(Visit(str(i)) for i in range(80)), travel.astype(np.int64))
+    problem = TourProblem(
+        "directed", tuple(Visit(str(i)) for i in range(80)), travel.astype(np.int64)
+    )
     answer = sequence_tour(problem, TourLimits(work=300_000))
     assert isinstance(answer, Tour)
     assert answer.lower_bound <= answer.cost < 3 * answer.lower_bound
@@ -161,7 +177,9 @@ def test_an_interrupted_search_still_answers_with_a_tour() -> None:
 
 
 def in_windows(n: int, seed: int, width: int) -> TourProblem:
-    """Visits with windows around the times at which the order by nearest neighbours reaches them."""
+    """Visits with windows around the times at which the order by nearest neighbours reaches
+    them.
+    """
     problem = points(n, seed, closed=False, start=0)
     order, left = [0], set(range(1, n))
     while left:

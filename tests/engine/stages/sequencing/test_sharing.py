@@ -1,4 +1,6 @@
-"""Visits that several arms share: agreement with all ways to share them, and laws for more of them."""
+"""Visits that several arms share: agreement with all ways to share them, and laws for more of
+them.
+"""
 
 import itertools
 import random
@@ -6,13 +8,22 @@ import random
 import numpy as np
 import pytest
 
-from cellwright.engine.model.tour_problem import SharedProblem, Shares, TourProblem, Visit, busy_with
+from cellwright.engine.model.tour_problem import (
+    SharedProblem,
+    Shares,
+    TourProblem,
+    Visit,
+    busy_with,
+)
 from cellwright.engine.stages.sequencing import arm_shares
 from cellwright.engine.stages.sequencing.arm_shares import share_visits
 
 
 def drawn(seed: int, count: int, arms: int = 2) -> SharedProblem:
-    """Points in a strip; each arm reaches those near its middle. Both make each in a time of their own."""
+    """Points in a strip; each arm reaches those near its middle.
+
+    Both make each in a time of their own.
+    """
     random_ = random.Random(seed)
     where = [(random_.uniform(0.0, 100.0), random_.uniform(0.0, 30.0)) for _ in range(count)]
     tours = {}
@@ -29,7 +40,9 @@ def drawn(seed: int, count: int, arms: int = 2) -> SharedProblem:
 def least_makespan(problem: SharedProblem) -> int:
     """By all ways to share the visits, each arm in all orders."""
     names = sorted({visit.name for each in problem.tours.values() for visit in each.visits})
-    place = {arm: {v.name: n for n, v in enumerate(each.visits)} for arm, each in problem.tours.items()}
+    place = {
+        arm: {v.name: n for n, v in enumerate(each.visits)} for arm, each in problem.tours.items()
+    }
     best = 1 << 60
     for way in itertools.product(*([arm for arm in place if name in place[arm]] for name in names)):
         most = 0
@@ -61,7 +74,9 @@ def test_few_visits_are_shared_as_well_as_can_be(seed: int, arms: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_insertion_and_changes_come_near_the_best(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_insertion_and_changes_come_near_the_best(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     problem = drawn(seed, 10)
     best = share_visits(problem)
     monkeypatch.setattr(arm_shares, "MAX_EXACT_SHARED_VISITS", 0)
@@ -95,8 +110,14 @@ def test_visits_in_order_stay_in_order_within_a_share() -> None:
     tours = {}
     for arm, each in plain.tours.items():
         place = {visit.name: n for n, visit in enumerate(each.visits)}
-        pairs = [(place[a], place[b]) for a, b in (("v4", "v1"), ("v9", "v3")) if a in place and b in place]
-        tours[arm] = TourProblem(each.name, each.visits, each.travel, False, precedence=tuple(pairs))
+        pairs = [
+            (place[a], place[b])
+            for a, b in (("v4", "v1"), ("v9", "v3"))
+            if a in place and b in place
+        ]
+        tours[arm] = TourProblem(
+            each.name, each.visits, each.travel, False, precedence=tuple(pairs)
+        )
     found = share_visits(SharedProblem(tours))
     assert isinstance(found, Shares)
     check(plain, found)

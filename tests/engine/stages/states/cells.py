@@ -1,4 +1,6 @@
-"""Small cells for tests, and a slow search of their contact states that knows neither forms nor symmetries."""
+"""Small cells for tests, and a slow search of their contact states that knows neither forms nor
+symmetries.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -56,13 +58,16 @@ recipes = st.builds(
     st.booleans(),
 ).filter(
     lambda each: (
-        each.blocks + each.rings <= sum(each.seats) <= 4 and 1 <= each.blocks + each.rings + each.robots <= 4
+        each.blocks + each.rings <= sum(each.seats) <= 4
+        and 1 <= each.blocks + each.rings + each.robots <= 4
     )
 )
 
 
 def cell(recipe: Recipe) -> ContactModel:
-    """Robots, devices with seats, blocks with a hole, and rings with a peg that goes into the hole."""
+    """Robots, devices with seats, blocks with a hole, and rings with a peg that goes into the
+    hole.
+    """
     classes = {
         "robot": kind("robot", ("jaw", "hand")),
         "block": kind("block", ("ear", "grip"), ("foot", "foot"), ("hole", "hole")),
@@ -71,7 +76,9 @@ def cell(recipe: Recipe) -> ContactModel:
     objects, permanent = {}, {}
     for n in range(recipe.robots):
         objects[f"robot_{n}"] = "robot"
-        permanent[f"arm_{n}"] = PermanentContact(f"arm_{n}", "ground", f"robot_{n}", ("turn z",), True)
+        permanent[f"arm_{n}"] = PermanentContact(
+            f"arm_{n}", "ground", f"robot_{n}", ("turn z",), True
+        )
     seats = []
     for n, count in enumerate(recipe.seats):
         name = f"device_{n}"
@@ -81,7 +88,9 @@ def cell(recipe: Recipe) -> ContactModel:
         freedom = ("slide x",) if handle else ()
         permanent[f"mount_{n}"] = PermanentContact(f"mount_{n}", "ground", name, freedom)
         seats += [Quadruple(name, name, "seat", f"seat_{i}") for i in range(count)]
-    parts = [("block", n) for n in range(recipe.blocks)] + [("ring", n) for n in range(recipe.rings)]
+    parts = [("block", n) for n in range(recipe.blocks)] + [
+        ("ring", n) for n in range(recipe.rings)
+    ]
     initial = []
     for (of, n), seat in zip(parts, seats, strict=False):
         objects[f"{of}_{n}"] = of
@@ -112,7 +121,13 @@ def contact_class(
     name: str, template: str, controllable: bool = False, one_way: OneWay = OneWay.NO
 ) -> ContactClass:
     return ContactClass(
-        name, parse_octuple(template), f"make_{name}", f"break_{name}", (), controllable, one_way=one_way
+        name,
+        parse_octuple(template),
+        f"make_{name}",
+        f"break_{name}",
+        (),
+        controllable,
+        one_way=one_way,
     )
 
 
@@ -134,7 +149,9 @@ def starts(model: ContactModel) -> set[State]:
             several.setdefault(anchor.anchor_class, []).append(anchor.name)
         for anchors in several.values():
             found = {
-                frozenset(_moved(each, name, dict(zip(anchors, order, strict=True))) for each in state)
+                frozenset(
+                    _moved(each, name, dict(zip(anchors, order, strict=True))) for each in state
+                )
                 for state in found
                 for order in permutations(anchors)
             }
@@ -212,7 +229,9 @@ class Slow:
 
     def can_change(self, without: State, contact: Octuple) -> bool:
         """Whether a robot can bring the two parts together, or take them apart."""
-        first, second = (self.group(without, each.instance) for each in (contact.first, contact.second))
+        first, second = (
+            self.group(without, each.instance) for each in (contact.first, contact.second)
+        )
         if first & second:
             return False
         return any(side & self.robots and not side & self.fixed for side in (first, second))
@@ -223,23 +242,37 @@ class Slow:
             found = class_of(contact, classes, self.model.classes)
             assert found is not None
             after = state - {contact}
-            if found.one_way is not OneWay.MAKING and self.can_change(after, contact) and self.sound(after):
+            if (
+                found.one_way is not OneWay.MAKING
+                and self.can_change(after, contact)
+                and self.sound(after)
+            ):
                 yield contact, after
         taken = {p for c in state for p in (c.first, c.second)}
         free = [p for p in self.points if p not in taken]
         for key, lock in product(free, free):
             contact = Octuple(key, lock)
-            if key.instance == lock.instance or not SIDES[key.anchor_class] or SIDES[lock.anchor_class]:
+            if (
+                key.instance == lock.instance
+                or not SIDES[key.anchor_class]
+                or SIDES[lock.anchor_class]
+            ):
                 continue
             found = class_of(contact, classes, self.model.classes)
-            if found is None or found.one_way is OneWay.BREAKING or not self.can_change(state, contact):
+            if (
+                found is None
+                or found.one_way is OneWay.BREAKING
+                or not self.can_change(state, contact)
+            ):
                 continue
             after = state | {contact}
             if self.sound(after):
                 yield contact, after
 
     def reachable(self) -> dict[State, set[Octuple]]:
-        """Every state that can be reached from any exchange of the start, with the contacts that can change in it."""
+        """Every state that can be reached from any exchange of the start, with the contacts
+        that can change in it.
+        """
         found: dict[State, set[Octuple]] = {}
         open_ = list(starts(self.model))
         seen = set(open_)

@@ -44,6 +44,9 @@ def test_a_cell_for_which_nobody_wrote_operators_is_planned() -> None:
 
 @pytest.mark.slow
 def test_two_arms_assemble() -> None:
-    goals = "contact(gear_shaft(gear), housing_bore(housing)), contact(cap_edge(cap), housing_rim(housing))"
+    goals = (
+        "contact(gear_shaft(gear), housing_bore(housing)), contact(cap_edge(cap), "
+        "housing_rim(housing))"
+    )
     outcome = checked_plan.plan_problem(checked_plan.problem_of(str(CELLS / "assembly"), goals))
     assert isinstance(outcome, Found)

@@ -1,4 +1,6 @@
-"""The net by contact class against a slow search of fully specified states, on random small cells."""
+"""The net by contact class against a slow search of fully specified states, on random small
+cells.
+"""
 
 from collections import Counter
 
@@ -34,7 +36,9 @@ def test_the_count_is_that_of_a_search_of_all_states(recipe: Recipe) -> None:
 
 @few
 @given(recipe=recipes)
-def test_each_firing_has_a_fully_specified_counterpart_and_the_other_way_round(recipe: Recipe) -> None:
+def test_each_firing_has_a_fully_specified_counterpart_and_the_other_way_round(
+    recipe: Recipe,
+) -> None:
     model = cell(recipe)
     space, net = generated(model)
     player = NetPlayer(space, net)
@@ -70,10 +74,14 @@ def test_tokens_are_conserved_and_capacities_kept(recipe: Recipe) -> None:
     space, net = generated(model)
     player = NetPlayer(space, net)
     room = {place.name: dict(place.capacity) for place in net.places}
-    type_of = {name: each.name for each in space.types for member in each.members for name in member}
+    type_of = {
+        name: each.name for each in space.types for member in each.members for name in member
+    }
     for state in Slow(model).reachable():
         there = player.marking(NetSituation(state))
-        assert sorted(o for clusters in there.values() for each in clusters for o in each) == sorted(type_of)
+        assert sorted(
+            o for clusters in there.values() for each in clusters for o in each
+        ) == sorted(type_of)
         for place, clusters in there.items():
             count = Counter(type_of[o] for each in clusters for o in each)
             assert all(count[each] <= room[place].get(each, 0) for each in count)

@@ -1,4 +1,6 @@
-"""The contact states of THEMSE: the paper's places, its count of fully specified states, and what holds for more probes."""
+"""The contact states of THEMSE: the paper's places, its count of fully specified states, and
+what holds for more probes.
+"""
 
 import time
 from collections.abc import Callable
@@ -26,7 +28,9 @@ def model() -> ContactModel:
 
 
 def by_hand() -> int:
-    """The fully specified states of THEMSE, counted one by one: who is where, and what the gripper holds."""
+    """The fully specified states of THEMSE, counted one by one: who is where, and what the
+    gripper holds.
+    """
     count = 0
     for lid in ("locked", "placed", "stand", "gripper"):
         for in_gripper in (None, *range(PROBES)) if lid != "gripper" else (None,):
@@ -37,7 +41,8 @@ def by_hand() -> int:
                     continue
                 count += len(("nothing", "drawer", "switch", "lid"))
                 on = lid in ("locked", "placed")
-                count += sum(not (on and depot == "freezer") for depot in depots)  # a probe, where it stands
+                # a probe, where it stands
+                count += sum(not (on and depot == "freezer") for depot in depots)
     return count
 
 
@@ -51,13 +56,18 @@ def test_the_whole_cell_has_9960_fully_specified_states(model: ContactModel) -> 
 
 def test_the_whole_cell_has_22_places_by_contact_class(model: ContactModel) -> None:
     net = contact_states.build_net(model)
-    assert [sum(place.robot is robot for place in net.places) for robot in (True, False)] == [11, 11]
+    assert [sum(place.robot is robot for place in net.places) for robot in (True, False)] == [
+        11,
+        11,
+    ]
     freezers = [place.say for place in net.places if place.say.startswith("THEMSE_freezer")]
     assert len(freezers) == 6
     assert "lid_stand free" in {place.say for place in net.places}
 
 
-def test_the_places_of_the_appendix(model: ContactModel, golden: Callable[[str, str], None]) -> None:
+def test_the_places_of_the_appendix(
+    model: ContactModel, golden: Callable[[str, str], None]
+) -> None:
     net = contact_states.build_net(model, NetRequest(APPENDIX))
     assert [place.name for place in net.places] == [f"P{n}" for n in range(1, 9)]
     golden("themse_appendix.txt", report.place_templates(net))
@@ -79,7 +89,9 @@ def test_joints_are_manipulated_where_their_handle_is_held(model: ContactModel) 
 
 
 @pytest.mark.parametrize("filters", [("stability", "templates"), ("stability", "collision")])
-def test_geometry_finds_what_the_template_says(model: ContactModel, filters: tuple[str, ...]) -> None:
+def test_geometry_finds_what_the_template_says(
+    model: ContactModel, filters: tuple[str, ...]
+) -> None:
     net = contact_states.build_net(replace(model, filters=filters))
     assert (len(net.places), net.growth.states) == (22, 9960)
     assert filters[1] in {each.filter for each in net.removed}
@@ -110,7 +122,8 @@ def test_more_probes_bring_no_more_places(probes: int) -> None:
     assert len(net.places) < 40
     assert net.growth.exact
     assert net.growth.states > 10**9
-    assert time.process_time() - started < 10  # a second on an idle machine; see benchmarks/states.py
+    # a second on an idle machine; see benchmarks/states.py
+    assert time.process_time() - started < 10
 
 
 def test_a_count_for_two_probes_is_that_of_the_fully_specified_net() -> None:
@@ -143,10 +156,14 @@ def test_a_stopped_search_of_states_gives_an_upper_bound(model: ContactModel) ->
 def test_a_place_binds_its_variables_to_what_is_there(model: ContactModel) -> None:
     space = contact_states.net_space(model)
     player = NetPlayer(space, net_of(space))
-    situation = NetSituation(player.start.contacts, (("drawer_slide", "open"), ("flap_hinge", "closed")))
+    situation = NetSituation(
+        player.start.contacts, (("drawer_slide", "open"), ("flap_hinge", "closed"))
+    )
     grip = next(each for each in player.firings(situation) if "probe_3" in str(each.contact))
     held = player.fire(situation, grip)
-    place, bound = next(each for each in place_bindings(player, held) if each[1].get("O1") == "mars_gripper")
+    place, bound = next(
+        each for each in place_bindings(player, held) if each[1].get("O1") == "mars_gripper"
+    )
     said = {each.name: each.say for each in player.net.places}
     assert said[place] == "MARS_gripper holds probe in THEMSE_drawer (seat)"
     assert (bound["O2"], bound["O3"], bound["O3.A1"]) == ("probe_3", "drawer", "depot_3")
@@ -171,7 +188,8 @@ def test_a_sequence_is_found_on_the_net_alone(model: ContactModel) -> None:
 
 def test_a_goal_that_cannot_be_reached_is_known_as_such(model: ContactModel) -> None:
     goals = [
-        f"probe:{each}.probe_base:* - THEMSE_furnace:furnace.probe_depot:*" for each in ("probe_1", "probe_2")
+        f"probe:{each}.probe_base:* - THEMSE_furnace:furnace.probe_depot:*"
+        for each in ("probe_1", "probe_2")
     ]
     found, _ = contact_states.contact_sequence(
         model, goals, NetRequest(("MARS_gripper", "THEMSE_furnace", "THEMSE_drawer", "probe"))

@@ -55,7 +55,9 @@ def problem(
     objects: str = "",
     rules: str = "",
 ) -> Problem:
-    """A problem of a cell; each entry of `workflow` is a YAML flow mapping, `rules` are what the domain includes."""
+    """A problem of a cell; each entry of `workflow` is a YAML flow mapping, `rules` are what
+    the domain includes.
+    """
     lines = ["problem: task", "domain: domain.yaml"]
     lines += ["objects:", f"  {objects}"] if objects else []
     lines += ["statics:", *(f'  - "{fact}"' for fact in statics)] if statics else []

@@ -1,4 +1,6 @@
-"""Aggregates of a set of which only bounds are known, against the aggregates of every set between them."""
+"""Aggregates of a set of which only bounds are known, against the aggregates of every set
+between them.
+"""
 
 import itertools
 import operator
@@ -22,7 +24,9 @@ COMPARED: dict[str, Callable[[object, object], bool]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
-tuples = st.tuples(st.sampled_from(VALUES), st.sampled_from(VALUES[:3])) | st.sampled_from([(), (VALUES[1],)])
+tuples = st.tuples(st.sampled_from(VALUES), st.sampled_from(VALUES[:3])) | st.sampled_from(
+    [(), (VALUES[1],)]
+)
 sets = st.sets(tuples, max_size=4)
 functions = st.sampled_from(["count", "sum", "min", "max"])
 guards = st.lists(
@@ -32,7 +36,9 @@ HUNDREDS = settings(max_examples=400, deadline=None)
 
 
 def value(function: str, own: Set[Tuple]) -> tuple[object, ...]:
-    """The sort key of the value of one set; the empty set's least is behind all terms, its greatest before them."""
+    """The sort key of the value of one set; the empty set's least is behind all terms, its
+    greatest before them.
+    """
     firsts = [each[0] for each in own if each]
     keys = [order_key(each) for each in firsts if each is not None]
     if function == "count":
@@ -111,7 +117,9 @@ def test_a_variable_takes_the_value_of_the_set_if_it_is_sure_and_each_that_is_po
     assert possible == certain or values(possible, certain) >= set.union(*every)
 
 
-def test_an_aggregate_is_tested_when_its_outer_variables_have_values_but_for_the_one_that_it_gives() -> None:
+def test_an_aggregate_is_tested_when_its_outer_variables_have_values_but_for_the_one_that_it_gives() -> (
+    None
+):
     giving = StateAggregate("count", (), (("=", N),), (N, M))
     assert not can_test(giving, {})
     assert can_test(giving, {M: VALUES[0]})

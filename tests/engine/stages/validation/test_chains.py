@@ -1,4 +1,6 @@
-"""Workflows along sequences: the checker agrees with every reading of the steps, tried one after another."""
+"""Workflows along sequences: the checker agrees with every reading of the steps, tried one
+after another.
+"""
 
 import dataclasses
 import itertools
@@ -45,21 +47,26 @@ DOES: dict[
     "ring_keep(a)": (("rung(a)",), ("kept(a)",)),
 }
 ENDS = {"lower(a, one)": "up(a, one)"}
-Chains = tuple[tuple[tuple[str, ...], bool], ...]  # stages, and whether it comes after the chain before it
+# stages, and whether it comes after the chain before it
+Chains = tuple[tuple[tuple[str, ...], bool], ...]
 Reading = tuple[int, ...]
 BOTH = "up(a, one) & up(a, two)"
 BOTH_KEPT = "kept(a) & kept(b)"
 STAGES = ("rung(a)", "rung(a)", "rung(b)", "up(a, one)", "up(a, two)", BOTH)
 stage = st.sampled_from((*STAGES, "kept(a)", "kept(b)", BOTH_KEPT))
 chains = st.lists(
-    st.tuples(st.lists(stage, min_size=1, max_size=3).map(tuple), st.booleans()), min_size=1, max_size=3
+    st.tuples(st.lists(stage, min_size=1, max_size=3).map(tuple), st.booleans()),
+    min_size=1,
+    max_size=3,
 ).map(tuple)
 
 
 def readings(
     chains: Chains, steps: list[str], done: Reading, up: frozenset[str] = frozenset()
 ) -> Iterator[Reading]:
-    """How far the chains may have come after some steps, each event being a stage of one chain; `up` is what holds."""
+    """How far the chains may have come after some steps, each event being a stage of one chain;
+    `up` is what holds.
+    """
     if not steps:
         yield done
         return
@@ -74,7 +81,9 @@ def readings(
 def too_early(
     chains: Chains, before: Reading, after: Reading, up: frozenset[str], now: frozenset[str]
 ) -> bool:
-    """Whether a stage behind others has become true for ever with a step, and nothing of the step serves a stage now."""
+    """Whether a stage behind others has become true for ever with a step, and nothing of the
+    step serves a stage now.
+    """
     fresh = now - up
     served = {
         part
@@ -107,7 +116,9 @@ def told(chains: Chains, events: tuple[str, ...], done: Reading) -> Iterator[Rea
 
 
 def waits(chains: Chains, done: Reading, i: int) -> str:
-    """The stage that a chain waits for; none while the chain before it, which it comes after, is not finished."""
+    """The stage that a chain waits for; none while the chain before it, which it comes after,
+    is not finished.
+    """
     stages, follows = chains[i]
     blocked = follows and i > 0 and done[i] == 0 and done[i - 1] < len(chains[i - 1][0])
     return "" if blocked or done[i] == len(stages) else stages[done[i]]
@@ -116,7 +127,12 @@ def waits(chains: Chains, done: Reading, i: int) -> str:
 def posed(chains: Chains) -> Problem:
     """The problem of these chains, each about something of its own."""
     made = [
-        Chain(f"c{i}", tuple(map(read, stages)), (f"c{i - 1}",) if follows and i else (), atom(f"s{i}"))
+        Chain(
+            f"c{i}",
+            tuple(map(read, stages)),
+            (f"c{i - 1}",) if follows and i else (),
+            atom(f"s{i}"),
+        )
         for i, (stages, follows) in enumerate(chains)
     ]
     return dataclasses.replace(problem("", (), DOMAIN), chains=tuple(made))
@@ -159,21 +175,28 @@ def test_planned_chains_have_the_fewest_steps_that_any_reading_needs(chains: Cha
     """The planner, the checker and the readings tried one after another mean the same."""
     made = checked_plan.plan_problem(posed(chains))
     longest = len(made.plan.steps) - 1 if isinstance(made, Found) else 2
-    shorter = (list(steps) for n in range(min(longest, 3) + 1) for steps in itertools.product(DOES, repeat=n))
+    shorter = (
+        list(steps)
+        for n in range(min(longest, 3) + 1)
+        for steps in itertools.product(DOES, repeat=n)
+    )
     assert not any(wrong(posed(chains), sequence(*steps)) == [] for steps in shorter)
     if isinstance(made, Found):
         assert validate_plan(posed(chains), made.plan) == []
 
 
 def test_a_stage_that_held_before_its_turn_holds_in_every_order() -> None:
-    """Nothing may end it between the step that made it true and the step after which its turn comes."""
+    """Nothing may end it between the step that made it true and the step after which its turn
+    comes.
+    """
     told = posed(((("rung(a)", "up(a, one)", "rung(b)"), False),))
     first = (step(1, "raise(a, one)"), step(2, "ring(a)", 1), step(3, "ring(b)", 2))
     assert wrong(told, first) == []
     assert wrong(told, (*first, step(4, "lower(a, one)", 2))) == []
     found = wrong(told, (*first, step(4, "lower(a, one)", 1)))
     assert found == [
-        "K506: up(a, one) of c0 is reached when step 2 has come, but it may not hold then in every order"
+        "K506: up(a, one) of c0 is reached when step 2 has come, but it may not hold then in "
+        "every order"
     ]
 
 
@@ -195,20 +218,29 @@ def test_a_stage_that_holds_to_the_end_needs_no_order() -> None:
     awaited = posed(((("rung(a)",), False), (("up(a, one)",), True), (("rung(b)",), True)))
     unordered = (step(1, "raise(a, one)"), step(2, "ring(a)"), step(3, "ring(b)", 2))
     assert wrong(awaited, unordered) != []
-    assert wrong(awaited, (step(1, "raise(a, one)"), step(2, "ring(a)", 1), step(3, "ring(b)", 2))) == []
+    assert (
+        wrong(awaited, (step(1, "raise(a, one)"), step(2, "ring(a)", 1), step(3, "ring(b)", 2)))
+        == []
+    )
 
 
 def test_what_stays_is_made_in_its_turn() -> None:
-    """Otherwise its stage would be reached without any step, and the order of the chain would be lost."""
+    """Otherwise its stage would be reached without any step, and the order of the chain would
+    be lost.
+    """
     told = posed(((("kept(a)", "rung(a)", "kept(b)"), False),))
     right = (step(1, "keep(a)"), step(2, "ring(a)", 1), step(3, "keep(b)", 2))
     assert wrong(told, right) == []
     early = (step(1, "keep(a)"), step(2, "keep(b)", 1), step(3, "ring(a)", 2))
-    assert wrong(told, early) == ["K506: step 2 keep(b): kept(b) is not the next stage of any chain"]
+    assert wrong(told, early) == [
+        "K506: step 2 keep(b): kept(b) is not the next stage of any chain"
+    ]
     assert wrong(told, (*right, step(4, "keep(b)"))) == [
         "K506: steps 3 and 4 must be ordered: kept(b) is reached in its turn"
     ]
-    assert wrong(told, (step(1, "keep(a)"), step(2, "ring_keep(a)", 1), step(3, "keep(b)", 2))) == []
+    assert (
+        wrong(told, (step(1, "keep(a)"), step(2, "ring_keep(a)", 1), step(3, "keep(b)", 2))) == []
+    )
 
 
 def test_what_stays_may_come_first_where_it_is_a_first_stage() -> None:

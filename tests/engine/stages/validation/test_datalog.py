@@ -1,4 +1,6 @@
-"""The checker's own reading of bodies and terms agrees with clingo; of conditions, with a plain evaluation."""
+"""The checker's own reading of bodies and terms agrees with clingo; of conditions, with a plain
+evaluation.
+"""
 
 import itertools
 import random
@@ -80,9 +82,16 @@ def test_what_is_no_number_has_no_value_in_arithmetic() -> None:
 sides = st.one_of(
     st.sampled_from([X, Y, Z]),
     values,
-    st.builds(Operation, st.sampled_from("+-*/\\"), st.sampled_from([X, Y]), st.sampled_from([X, Number(2)])),
+    st.builds(
+        Operation,
+        st.sampled_from("+-*/\\"),
+        st.sampled_from([X, Y]),
+        st.sampled_from([X, Number(2)]),
+    ),
 )
-patterns = st.sampled_from([X, Y, Z, A, Number(1), Function("f", (X,)), Function("f", (Y, Z)), Variable("_")])
+patterns = st.sampled_from(
+    [X, Y, Z, A, Number(1), Function("f", (X,)), Function("f", (Y, Z)), Variable("_")]
+)
 positive = st.one_of(
     st.builds(lambda one: Literal(Function("p", (one,))), patterns),
     st.builds(lambda one, other: Literal(Function("r", (one, other))), patterns, patterns),
@@ -99,14 +108,22 @@ facts = st.lists(
 
 
 given_z = st.sampled_from(
-    [Comparison(Z, "=", X), Comparison(Operation("+", X, Number(1)), "=", Z), Literal(Function("p", (Z,)))]
+    [
+        Comparison(Z, "=", X),
+        Comparison(Operation("+", X, Number(1)), "=", Z),
+        Literal(Function("p", (Z,))),
+    ]
 )
 
 
 @given(st.lists(positive, max_size=2), given_z, st.lists(tests, max_size=2), facts, st.randoms())
 @MANY
 def test_bodies_have_the_solutions_of_clingo(
-    more: list[BodyPart], z: BodyPart, others: list[BodyPart], given: list[Atom], chance: random.Random
+    more: list[BodyPart],
+    z: BodyPart,
+    others: list[BodyPart],
+    given: list[Atom],
+    chance: random.Random,
 ) -> None:
     body = [Literal(Function("p", (X,))), Literal(Function("p", (Y,))), z, *more, *others]
     chance.shuffle(body)
@@ -115,7 +132,10 @@ def test_bodies_have_the_solutions_of_clingo(
     grounder.ground(
         "\n".join(f"{fact}." for fact in told) + f"\nout(X, Y, Z) :- {', '.join(map(str, body))}."
     )
-    found = {(each[X], each[Y], each[Z]) for each in solve_conditions(tuple(body), CheckerFacts(told), {})}
+    found = {
+        (each[X], each[Y], each[Z])
+        for each in solve_conditions(tuple(body), CheckerFacts(told), {})
+    }
     assert found == set(grounder.atoms("out", 3))
 
 
@@ -128,9 +148,14 @@ def test_what_is_known_of_a_variable_is_kept() -> None:
 def test_an_equation_binds_either_side_even_inside_a_term() -> None:
     pattern = Function("f", (X,))
     for left, right in ((pattern, Function("f", (A,))), (Function("f", (A,)), pattern)):
-        assert list(solve_conditions((Comparison(left, "=", right),), CheckerFacts([]), {})) == [{X: A}]
+        assert list(solve_conditions((Comparison(left, "=", right),), CheckerFacts([]), {})) == [
+            {X: A}
+        ]
     assert (
-        list(solve_conditions((Comparison(pattern, "=", Function("g", (A,))),), CheckerFacts([]), {})) == []
+        list(
+            solve_conditions((Comparison(pattern, "=", Function("g", (A,))),), CheckerFacts([]), {})
+        )
+        == []
     )
 
 
@@ -177,13 +202,17 @@ def test_types_are_facts_or_built_in(term: Term, type_: str, is_one: bool) -> No
 
 THINGS, PLACES = (A, B), (Function("c"), A)
 ONE_X, BOTH = (Parameter(X, "thing"),), (Parameter(X, "thing"), Parameter(Y, "place"))
-TYPES = [Function("thing", (each,)) for each in THINGS] + [Function("place", (each,)) for each in PLACES]
+TYPES = [Function("thing", (each,)) for each in THINGS] + [
+    Function("place", (each,)) for each in PLACES
+]
 POSSIBLE = [Function("r", pair) for pair in itertools.product((A, B, Function("c")), repeat=2)][:6]
 
 
 def literals(terms: Sequence[Term]) -> st.SearchStrategy[Condition]:
     chosen = st.sampled_from(list(terms))
-    plain = st.builds(lambda x, y, sign: Literal(Function("r", (x, y)), sign), chosen, chosen, st.booleans())
+    plain = st.builds(
+        lambda x, y, sign: Literal(Function("r", (x, y)), sign), chosen, chosen, st.booleans()
+    )
     return plain | st.builds(Comparison, chosen, st.sampled_from(("=", "!=")), chosen)
 
 
@@ -225,7 +254,9 @@ def plainly(condition: Condition, state: frozenset[Atom], bindings: dict[Variabl
             ranges = [THINGS if each.type == "thing" else PLACES for each in parameters]
             tried = [
                 plainly(
-                    part, state, bindings | dict(zip((p.variable for p in parameters), each, strict=True))
+                    part,
+                    state,
+                    bindings | dict(zip((p.variable for p in parameters), each, strict=True)),
                 )
                 for each in itertools.product(*ranges)
             ]

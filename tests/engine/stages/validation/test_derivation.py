@@ -1,4 +1,6 @@
-"""Derived atoms by compiled rules, against rules that are solved again and again until nothing more follows."""
+"""Derived atoms by compiled rules, against rules that are solved again and again until nothing
+more follows.
+"""
 
 import itertools
 
@@ -69,11 +71,17 @@ atoms = st.sets(st.sampled_from(list(itertools.product(GROUND, repeat=2))), max_
 
 
 @st.composite
-def rules(draw: st.DrawFn, head: Atom, more: tuple[BodyPart, ...], denied: tuple[BodyPart, ...]) -> Rule:
+def rules(
+    draw: st.DrawFn, head: Atom, more: tuple[BodyPart, ...], denied: tuple[BodyPart, ...]
+) -> Rule:
     """A rule whose variables all occur in a positive condition, in any order of its conditions."""
-    body = draw(st.lists(st.sampled_from((*CONDITIONS, *more)), min_size=1, max_size=3, unique=True))
+    body = draw(
+        st.lists(st.sampled_from((*CONDITIONS, *more)), min_size=1, max_size=3, unique=True)
+    )
     body += draw(st.lists(st.sampled_from(denied), max_size=1))
-    bound = {v for p in body if isinstance(p, Literal) and p.positive for v in term_variables(p.atom)}
+    bound = {
+        v for p in body if isinstance(p, Literal) and p.positive for v in term_variables(p.atom)
+    }
     used = {v for p in (Literal(head), *body) for v in _named(p)} - {ANYTHING}
     body += [true("fluent", each, ANYTHING) for each in sorted(used - bound, key=str)]
     return Rule(head, tuple(draw(st.permutations(body))))
@@ -104,11 +112,15 @@ def plain(strata: tuple[list[Rule], ...], facts: CheckerFacts) -> set[Atom]:
     """All derived atoms, small enough to be reached in a few rounds."""
     found: set[Atom] = set()
     for each in strata:
-        judge = CheckerFacts((atom for name in ("fluent", "low") for atom in facts.extent(name)), facts.below)
+        judge = CheckerFacts(
+            (atom for name in ("fluent", "low") for atom in facts.extent(name)), facts.below
+        )
         more = True
         while more:
             heads = [
-                substitute_atom(r.head, b) for r in each for b in solve_conditions(r.body, facts, {}, judge)
+                substitute_atom(r.head, b)
+                for r in each
+                for b in solve_conditions(r.body, facts, {}, judge)
             ]
             more = any([facts.add(head) for head in heads])
             found |= set(heads)
@@ -148,7 +160,11 @@ LINKED = (
 )
 
 
-@given(st.lists(st.sets(st.sampled_from(list(itertools.permutations(range(6), 2)))), min_size=1, max_size=3))
+@given(
+    st.lists(
+        st.sets(st.sampled_from(list(itertools.permutations(range(6), 2)))), min_size=1, max_size=3
+    )
+)
 @settings(max_examples=50, deadline=None)
 def test_paths_are_found_along_all_links_of_a_state(states: list[set[tuple[int, int]]]) -> None:
     derivation = RuleDerivation([LINKED], CheckerFacts(), {"link", "path"})
@@ -160,4 +176,6 @@ def test_paths_are_found_along_all_links_of_a_state(states: list[set[tuple[int, 
         reached = set(links)
         while more := {(a, c) for a, b in reached for d, c in links if b == d} - reached:
             reached |= more
-        assert {*facts.extent("path")} == {Atom("path", tuple(map(Number, each))) for each in reached}
+        assert {*facts.extent("path")} == {
+            Atom("path", tuple(map(Number, each))) for each in reached
+        }

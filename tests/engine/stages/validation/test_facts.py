@@ -1,4 +1,6 @@
-"""The checker's facts against a plain set of them, for small predicates and for large ones, which have indexes."""
+"""The checker's facts against a plain set of them, for small predicates and for large ones,
+which have indexes.
+"""
 
 import itertools
 import random
@@ -44,7 +46,9 @@ def test_atoms_are_found_by_pattern_before_and_after_changes(
         assert looked_up(facts, pattern) == plain(above | below, pattern)
     later = facts.after(ends, adds - below)
     for pattern in PATTERNS:
-        assert looked_up(later, pattern) == plain(((above - below) - ends) | adds - below | below, pattern)
+        assert looked_up(later, pattern) == plain(
+            ((above - below) - ends) | adds - below | below, pattern
+        )
         assert looked_up(facts, pattern) == plain(above | below, pattern)
 
 
@@ -63,7 +67,9 @@ def test_what_is_added_later_is_found_too(told: set[Atom], more: list[Atom]) -> 
 def test_of_a_large_predicate_only_those_that_share_an_argument_are_looked_at() -> None:
     facts = CheckerFacts(PAIRS)
     assert len(PAIRS) > MIN_INDEXED_ATOMS
-    assert sorted(map(str, facts.matching(PATTERNS[2]))) == sorted(f"r(t0, {each})" for each in THINGS)
+    assert sorted(map(str, facts.matching(PATTERNS[2]))) == sorted(
+        f"r(t0, {each})" for each in THINGS
+    )
     assert len(list(facts.matching(PATTERNS[0]))) == len(PAIRS)
 
 

@@ -35,7 +35,10 @@ BOTH = (HEAT_BOLT, HEAT_NUT)
 
 
 def said(
-    posed: Problem, steps: tuple[Step, ...], claims: Claims | None = None, links: tuple[CausalLink, ...] = ()
+    posed: Problem,
+    steps: tuple[Step, ...],
+    claims: Claims | None = None,
+    links: tuple[CausalLink, ...] = (),
 ) -> list[str]:
     """What the checker has against a plan and what is claimed of it, each as `code: message`."""
     found = validate_plan(posed, Plan(steps, links), claims=claims or Claims())
@@ -110,7 +113,10 @@ def test_sums_are_those_of_the_domain_where_a_step_says_something_else() -> None
 def test_steps_that_wait_for_nothing_may_start_at_once_and_the_last_end_is_the_makespan() -> None:
     apart = (HEAT_BOLT, replace(HEAT_NUT, after=()))
     posed = problem(
-        "warm(bolt), warm(nut)", (), BENCH.replace("resources: oven, Item", "resources: Item"), statics=SIZES
+        "warm(bolt), warm(nut)",
+        (),
+        BENCH.replace("resources: oven, Item", "resources: Item"),
+        statics=SIZES,
     )
     steps = tuple(replace(each, resources=each.resources[1:]) for each in apart)
     assert said(posed, steps, Claims(makespan=30)) == []
@@ -122,7 +128,9 @@ def test_a_step_waits_for_the_last_of_those_before_it() -> None:
     posed = problem("warm(bolt), warm(nut), lit", (), BENCH, statics=SIZES)
     steps = (HEAT_BOLT, HEAT_NUT, step(3, "light", 1, 2))
     assert said(posed, steps, starting(s3=50)) == []
-    assert said(posed, steps, starting(s3=49)) == ["K508: step 3 light starts at 49, but step 2 ends at 50"]
+    assert said(posed, steps, starting(s3=49)) == [
+        "K508: step 3 light starts at 49, but step 2 ends at 50"
+    ]
     assert said(posed, steps, starting(s3=10)) == [
         "K508: step 3 light starts at 10, but step 1 ends at 20",
         "K508: step 3 light starts at 10, but step 2 ends at 50",
@@ -142,7 +150,10 @@ def test_the_empty_plan_ends_at_once() -> None:
         ({"duration": 0}, "K508: step 1 heat(bolt, 2) has the duration 20, not 0"),
         ({"cost": 1}, "K508: step 1 heat(bolt, 2) has the cost 2, not 1"),
         ({"resources": HEAT_BOLT.resources[:1]}, "K501: step 1 heat(bolt, 2) must hold oven, bolt"),
-        ({"resources": (*HEAT_BOLT.resources, atom("lamp"))}, "K508: step 1 heat(bolt, 2) holds no lamp"),
+        (
+            {"resources": (*HEAT_BOLT.resources, atom("lamp"))},
+            "K508: step 1 heat(bolt, 2) holds no lamp",
+        ),
         ({"resources": ()}, "K501: step 1 heat(bolt, 2) must hold oven, bolt"),
     ],
 )
@@ -165,17 +176,23 @@ def test_what_a_step_lasts_is_no_less_than_zero() -> None:
 def test_what_a_step_costs_is_no_less_than_zero() -> None:
     domain = BENCH.replace("cost: Size", "cost: Size - 3")
     posed = problem("warm(bolt)", (), domain, statics=SIZES)
-    assert said(posed, (replace(HEAT_BOLT, cost=-1),)) == ["K501: step 1 heat(bolt, 2): its cost is -1"]
+    assert said(posed, (replace(HEAT_BOLT, cost=-1),)) == [
+        "K501: step 1 heat(bolt, 2): its cost is -1"
+    ]
 
 
-@pytest.mark.parametrize(("key", "amount"), [("duration: 10 * Size", "((10*2)/0)"), ("cost: Size", "(2/0)")])
+@pytest.mark.parametrize(
+    ("key", "amount"), [("duration: 10 * Size", "((10*2)/0)"), ("cost: Size", "(2/0)")]
+)
 def test_a_step_whose_duration_or_cost_has_no_value_does_not_exist(key: str, amount: str) -> None:
     posed = problem("warm(bolt)", (), BENCH.replace(key, f"{key} / 0"), statics=SIZES)
     assert said(posed, (HEAT_BOLT,)) == [f"K501: step 1 heat(bolt, 2): {amount} has no value"]
 
 
 def test_a_step_whose_resource_has_no_value_does_not_exist() -> None:
-    posed = problem("warm(bolt)", (), BENCH.replace("oven, Item", "oven, slot(Size / 0)"), statics=SIZES)
+    posed = problem(
+        "warm(bolt)", (), BENCH.replace("oven, Item", "oven, slot(Size / 0)"), statics=SIZES
+    )
     why = "K501: step 1 heat(bolt, 2): a resource that it must hold has no value"
     assert said(posed, (HEAT_BOLT,)) == [why]
 

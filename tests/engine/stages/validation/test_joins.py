@@ -8,7 +8,11 @@ from hypothesis import strategies as st
 from cellwright.engine.stages.validation.atom_tables import AtomTables
 from cellwright.engine.stages.validation.checker_facts import CheckerFacts
 from cellwright.engine.stages.validation.condition_joins import make_joins
-from cellwright.engine.stages.validation.condition_solving import order_body, solve_conditions, solve_in_order
+from cellwright.engine.stages.validation.condition_solving import (
+    order_body,
+    solve_conditions,
+    solve_in_order,
+)
 from cellwright.engine.stages.validation.rule_derivation import RuleDerivation
 from cellwright.kb.model.conditions import Body, Comparison, Literal
 from cellwright.kb.model.domain_model import Rule
@@ -43,7 +47,10 @@ def test_an_instance_with_new_conditions_is_found_once(
     numbers = [number for atom in fresh if (number := tables.told(atom)) is not None]
     rows = [tables.rows[number][1] for number in numbers]
     found = [
-        (*map(str, tables.atom(made.needs[0]).arguments), str(tables.atom(made.needs[1]).arguments[1]))
+        (
+            *map(str, tables.atom(made.needs[0]).arguments),
+            str(tables.atom(made.needs[1]).arguments[1]),
+        )
         for each in make_joins(RULE, tables)
         for made in each.instances(rows, numbers)
     ]
@@ -66,7 +73,9 @@ def test_an_order_decided_once_finds_the_same(
         tuple(b[each] for each in (X, Y, Z))
         for b in solve_in_order(order_body(tuple(body), bindings), facts, bindings)
     ]
-    plain = [tuple(b[each] for each in (X, Y, Z)) for b in solve_conditions(tuple(body), facts, bindings)]
+    plain = [
+        tuple(b[each] for each in (X, Y, Z)) for b in solve_conditions(tuple(body), facts, bindings)
+    ]
     assert sorted(found, key=str) == sorted(plain, key=str)
 
 

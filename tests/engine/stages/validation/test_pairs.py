@@ -26,7 +26,9 @@ within = st.sampled_from([(name, first) for name in "pq" for first in (A, ANYTHI
 keys = st.frozensets(st.sampled_from("abc"), max_size=2)
 
 
-def every(order: StepPrecedence, _: object, touched: Callable[[int], object]) -> Iterator[tuple[int, int]]:
+def every(
+    order: StepPrecedence, _: object, touched: Callable[[int], object]
+) -> Iterator[tuple[int, int]]:
     """All unordered pairs."""
     for place, step in enumerate(order.ids):
         for other in order.unordered_before(step):
@@ -43,7 +45,8 @@ def test_all_unordered_pairs_with_something_in_common_are_found_once_and_in_orde
     meeting = [
         (one, other)
         for one, other in every(order, None, touched.__getitem__)
-        if touched[one].changed & touched[other].exposed or touched[one].exposed & touched[other].changed
+        if touched[one].changed & touched[other].exposed
+        or touched[one].exposed & touched[other].changed
     ]
     assert list(disturbing_pairs(order, order.partners(), touched.__getitem__)) == meeting
 
@@ -73,17 +76,23 @@ def test_unordered_steps_that_touch_the_same_region_are_loose_and_no_others_with
 
 @given(posed())
 @SOME
-def test_the_checker_tells_of_the_same_conflicts_as_with_all_pairs(given: tuple[Problem, Plan]) -> None:
+def test_the_checker_tells_of_the_same_conflicts_as_with_all_pairs(
+    given: tuple[Problem, Plan],
+) -> None:
     found = validate_plan(*given)
     with patch("cellwright.engine.stages.validation.step_interference.pairs", every):
         assert validate_plan(*given) == found
 
 
-def test_parallel_steps_that_touch_nothing_common_are_no_pairs_and_a_sequence_asks_for_no_step() -> None:
+def test_parallel_steps_that_touch_nothing_common_are_no_pairs_and_a_sequence_asks_for_no_step() -> (
+    None
+):
     parallel = Plan(tuple(Step(StepId(n), Function("s")) for n in range(1, 301)))
     touched = [TouchedKeys(frozenset([n]), frozenset([n])) for n in range(300)]
     assert not list(disturbing_pairs(StepPrecedence(parallel), range(300), touched.__getitem__))
     sequence = Plan(
-        tuple(Step(StepId(n), Function("s"), (StepId(n - 1),) if n > 1 else ()) for n in range(1, 301))
+        tuple(
+            Step(StepId(n), Function("s"), (StepId(n - 1),) if n > 1 else ()) for n in range(1, 301)
+        )
     )
     assert not list(unordered_places(StepPrecedence(sequence), [].__getitem__))

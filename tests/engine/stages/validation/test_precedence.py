@@ -13,10 +13,16 @@ def plans(draw: st.DrawFn) -> Plan:
     """Plans of up to twelve steps, nearly in sequence or not."""
     steps: list[Step] = []
     for number in range(draw(st.integers(1, 12))):
-        after = draw(st.lists(st.sampled_from([each.id for each in steps]), max_size=3)) if steps else []
+        after = (
+            draw(st.lists(st.sampled_from([each.id for each in steps]), max_size=3))
+            if steps
+            else []
+        )
         if steps and draw(st.booleans()):
             after.append(steps[-1].id)
-        name = StepId(draw(st.integers(1, 10**6).filter(lambda n: n not in {each.id for each in steps})))
+        name = StepId(
+            draw(st.integers(1, 10**6).filter(lambda n: n not in {each.id for each in steps}))
+        )
         steps.append(Step(name, Function(f"s{number}"), tuple(dict.fromkeys(after))))
     return Plan(tuple(steps))
 
@@ -54,7 +60,9 @@ def test_no_step_that_can_come_between_two_others_is_outside_their_range(
 
 
 def test_a_sequence_keeps_one_mark_for_each_step() -> None:
-    steps = tuple(Step(StepId(n), Function("s"), (StepId(n - 1),) if n > 1 else ()) for n in range(1, 2_001))
+    steps = tuple(
+        Step(StepId(n), Function("s"), (StepId(n - 1),) if n > 1 else ()) for n in range(1, 2_001)
+    )
     order = StepPrecedence(Plan(steps))
     assert order.between(StepId(500), StepId(502)) == (499, 502)
     assert not any(list(order.unordered_before(step.id)) for step in steps)

@@ -62,7 +62,9 @@ atoms = st.one_of(
 comparisons = st.builds(Comparison, sums, relations, sums, st.booleans())
 tests = st.one_of(st.builds(Literal, atoms), st.builds(Literal, atoms, st.booleans()), comparisons)
 parameters = st.lists(
-    st.builds(Parameter, st.sampled_from([V, W]), st.sampled_from(["thing", "int", "object", "text"])),
+    st.builds(
+        Parameter, st.sampled_from([V, W]), st.sampled_from(["thing", "int", "object", "text"])
+    ),
     max_size=2,
     unique_by=lambda each: each.variable,
 ).map(tuple)
@@ -77,7 +79,9 @@ quantity: st.SearchStrategy[Condition] = st.builds(  # as comparisons of quantit
     st.sampled_from([Number(1), Operation("+", V, Number(1)), Operation("*", Number(2), V)]),
 )
 conditions: st.SearchStrategy[Condition] = st.recursive(
-    st.one_of(tests, st.builds(And, parts), quantity, st.builds(Exists, parameters, st.builds(And, parts))),
+    st.one_of(
+        tests, st.builds(And, parts), quantity, st.builds(Exists, parameters, st.builds(And, parts))
+    ),
     lambda part: st.one_of(
         st.builds(Not, part),
         st.builds(lambda each: And(tuple(each)), st.lists(part, max_size=3)),
@@ -95,14 +99,22 @@ moves = st.builds(  # as an increase of a quantity is read
         And((Literal(Atom("level", (one, V))), Comparison(W, "=", sum_, True))),
     ),
     st.sampled_from([X, Y]),
-    st.sampled_from([Operation("+", V, Number(1)), Operation("-", Operation("*", Number(2), V), Y)]),
+    st.sampled_from(
+        [Operation("+", V, Number(1)), Operation("-", Operation("*", Number(2), V), Y)]
+    ),
 )
 effects = st.one_of(
-    moves, st.builds(Effect, atoms, st.booleans(), parameters, st.one_of(st.just(ALWAYS_TRUE), conditions))
+    moves,
+    st.builds(
+        Effect, atoms, st.booleans(), parameters, st.one_of(st.just(ALWAYS_TRUE), conditions)
+    ),
 )
 operators = st.builds(
     lambda condition, own: Operator(
-        "go", (Parameter(X, "object"), Parameter(Y, "object")), precondition=condition, effects=tuple(own)
+        "go",
+        (Parameter(X, "object"), Parameter(Y, "object")),
+        precondition=condition,
+        effects=tuple(own),
     ),
     conditions,
     st.lists(effects, max_size=3),
@@ -120,9 +132,12 @@ known = st.builds(
 )
 
 
-def unmet(operator: Operator, facts: CheckerFacts, bindings: dict[Variable, Term]) -> Condition | None:
+def unmet(
+    operator: Operator, facts: CheckerFacts, bindings: dict[Variable, Term]
+) -> Condition | None:
     return next(
-        (p for p in goal_parts(operator.precondition) if not condition_holds(p, facts, bindings)), None
+        (p for p in goal_parts(operator.precondition) if not condition_holds(p, facts, bindings)),
+        None,
     )
 
 
@@ -156,7 +171,9 @@ def test_prepared_preconditions_and_effects_agree_with_substitution(
     one = outcome(lambda: prepared.unmet(facts, given))
     other = outcome(lambda: unmet(operator, facts, bindings))
     assert one is other
-    assert outcome(lambda: prepared.fired(facts, given)) == outcome(lambda: fired(operator, facts, bindings))
+    assert outcome(lambda: prepared.fired(facts, given)) == outcome(
+        lambda: fired(operator, facts, bindings)
+    )
 
 
 @given(sums, relations, sums, st.booleans(), st.tuples(values, values, values, values))
@@ -186,7 +203,12 @@ def test_conditions_that_ask_for_the_same_look_facts_up_once() -> None:
     more = Comparison(W, "=", Operation("+", V, Number(2)), True)
     changes = (
         Effect(level.atom, False, (Parameter(V, "int"),), level),
-        Effect(Atom("level", (X, W)), True, (Parameter(V, "int"), Parameter(W, "int")), And((level, more))),
+        Effect(
+            Atom("level", (X, W)),
+            True,
+            (Parameter(V, "int"), Parameter(W, "int")),
+            And((level, more)),
+        ),
     )
     facts = Counted([Atom("level", (A, Number(3))), Atom("level", (B, Number(4)))])
     found = PreparedOperator(Operator("go", (Parameter(X, "object"),), ALWAYS_TRUE, changes)).fired(
@@ -200,8 +222,10 @@ def test_what_is_asked_of_values_that_were_found_is_looked_up_for_each() -> None
     chain = And((Literal(Atom("level", (X, V))), Literal(Atom("level", (V, W)))))
     effect = Effect(Atom("p", (W,)), True, (Parameter(V, "int"), Parameter(W, "int")), chain)
     one, two, three, four = map(Number, (1, 2, 3, 4))
-    facts = CheckerFacts([Atom("level", each) for each in ((A, one), (A, two), (one, three), (two, four))])
-    found = PreparedOperator(Operator("go", (Parameter(X, "object"),), ALWAYS_TRUE, (effect,))).fired(
-        facts, [A]
+    facts = CheckerFacts(
+        [Atom("level", each) for each in ((A, one), (A, two), (one, three), (two, four))]
     )
+    found = PreparedOperator(
+        Operator("go", (Parameter(X, "object"),), ALWAYS_TRUE, (effect,))
+    ).fired(facts, [A])
     assert [str(each) for each, _, _ in found] == ["p(3)", "p(4)"]

@@ -1,4 +1,6 @@
-"""Each rule of the checker: a small plan that breaks this rule alone, and the same plan that keeps it."""
+"""Each rule of the checker: a small plan that breaks this rule alone, and the same plan that
+keeps it.
+"""
 
 import pytest
 
@@ -39,7 +41,9 @@ def test_numbers_of_steps_are_positive_and_used_once(number: int) -> None:
     ]
 
 
-@pytest.mark.parametrize(("producer", "consumer"), [(7, -1), (1, 7), (7, 8), (1, 0), (-1, 1), (0, 0)])
+@pytest.mark.parametrize(
+    ("producer", "consumer"), [(7, -1), (1, 7), (7, 8), (1, 0), (-1, 1), (0, 0)]
+)
 def test_a_link_is_between_steps_of_the_plan(producer: int, consumer: int) -> None:
     posed = problem("lit", ())
     assert wrong(posed, (step(1, "light"),), (link(producer, "lit", consumer),)) == [
@@ -69,7 +73,9 @@ def test_a_plan_of_wrong_form_is_not_executed() -> None:
 def test_a_step_is_an_instance_of_an_operator(operator: str, said: str) -> None:
     posed = problem(statics=("heavy(nut)",))
     assert wrong(posed, (BOLT_MOVES,)) == []
-    assert wrong(posed, (step(1, operator, holds=ARM_BOLT),)) == [f"K501: step 1 {operator}: {said}"]
+    assert wrong(posed, (step(1, operator, holds=ARM_BOLT),)) == [
+        f"K501: step 1 {operator}: {said}"
+    ]
 
 
 @pytest.mark.parametrize("held", [(), ("arm",), ("bolt",), ("arm", "nut")])
@@ -83,7 +89,10 @@ def test_a_step_holds_the_resources_of_its_operator(held: tuple[str, ...]) -> No
 
 def test_a_step_may_hold_more_than_its_operator_asks_for() -> None:
     assert (
-        wrong(problem("at(bolt, bin)"), (step(1, "move(bolt, table, bin)", holds=(*ARM_BOLT, "nut")),)) == []
+        wrong(
+            problem("at(bolt, bin)"), (step(1, "move(bolt, table, bin)", holds=(*ARM_BOLT, "nut")),)
+        )
+        == []
     )
 
 
@@ -106,7 +115,9 @@ def test_execution_stops_at_the_first_step_that_cannot_start() -> None:
 
 
 def test_who_ended_a_precondition_is_said() -> None:
-    (found,) = validate_plan(TIDY, Plan((BOLT_MOVES, step(2, "move(bolt, table, bin)", 1, holds=ARM_BOLT))))
+    (found,) = validate_plan(
+        TIDY, Plan((BOLT_MOVES, step(2, "move(bolt, table, bin)", 1, holds=ARM_BOLT)))
+    )
     assert (found.code, found.hint) == ("K501", "step 1 move(bolt, table, bin) ended it")
     (found,) = validate_plan(
         problem("lit", ("lit",)), Plan((step(1, "light"), step(2, "douse", 1), step(3, "wipe", 2)))
@@ -135,15 +146,19 @@ def test_a_step_does_not_add_what_its_effects_deny() -> None:
 
 
 def test_every_conjunct_of_the_goal_holds_at_the_end() -> None:
-    assert wrong(TIDY, (NUT_MOVES.__class__(NUT_MOVES.id, NUT_MOVES.operator, (), NUT_MOVES.resources),)) == [
-        "K502: the goal at(bolt, bin) does not hold at the end"
+    assert wrong(
+        TIDY, (NUT_MOVES.__class__(NUT_MOVES.id, NUT_MOVES.operator, (), NUT_MOVES.resources),)
+    ) == ["K502: the goal at(bolt, bin) does not hold at the end"]
+    assert wrong(problem("not lit", ("lit",)), ()) == [
+        "K502: the goal not lit does not hold at the end"
     ]
-    assert wrong(problem("not lit", ("lit",)), ()) == ["K502: the goal not lit does not hold at the end"]
     assert wrong(problem("not lit", ("lit",)), (step(1, "douse"),)) == []
 
 
 def test_goals_that_are_no_literals_are_named_by_their_literals() -> None:
-    assert wrong(problem("lit | clean", ()), ()) == ["K502: the goal lit and clean does not hold at the end"]
+    assert wrong(problem("lit | clean", ()), ()) == [
+        "K502: the goal lit and clean does not hold at the end"
+    ]
     assert wrong(problem("lit | clean", ()), (step(1, "wipe"),)) == []
 
 
@@ -169,7 +184,9 @@ def test_an_event_is_the_next_stage_of_some_chain() -> None:
 
 def test_every_stage_of_a_workflow_is_reached() -> None:
     posed = problem("", LIT, workflow=SEEN)
-    named = problem("", LIT, workflow=("{name: check, for: {T: [bolt]}, stages: 'seen(T), at(T, bin)'}",))
+    named = problem(
+        "", LIT, workflow=("{name: check, for: {T: [bolt]}, stages: 'seen(T), at(T, bin)'}",)
+    )
     assert wrong(posed, (LOOKED, MOVED)) == []
     assert wrong(posed, (LOOKED,))[0].startswith("K506: the workflow misses at(bolt, bin) of ")
     assert wrong(named, ())[0].startswith("K506: the workflow misses seen(bolt) of check")
@@ -178,7 +195,9 @@ def test_every_stage_of_a_workflow_is_reached() -> None:
 def test_what_the_last_stage_adds_still_holds_at_the_end() -> None:
     posed = problem("", LIT, workflow=SEEN)
     back = step(3, "move(bolt, bin, table)", 2, holds=ARM_BOLT)
-    assert wrong(posed, (LOOKED, MOVED, back)) == ["K506: the workflow misses at(bolt, bin) at the end"]
+    assert wrong(posed, (LOOKED, MOVED, back)) == [
+        "K506: the workflow misses at(bolt, bin) at the end"
+    ]
     forth = step(4, "move(bolt, table, bin)", 3, holds=ARM_BOLT)
     assert wrong(posed, (LOOKED, MOVED, back, forth)) == []
 
@@ -287,7 +306,8 @@ def test_a_link_is_ended_by_what_deduction_denies() -> None:
         (link(1, "at(bolt, bin)", -1),),
     )
     assert found == [
-        "K504: link 1 to -1 for at(bolt, bin): step 2 move(bolt, bin, table) can come between and end it"
+        "K504: link 1 to -1 for at(bolt, bin): step 2 move(bolt, bin, table) can come between "
+        "and end it"
     ]
 
 
@@ -302,7 +322,9 @@ def test_a_step_with_deduced_denials_ends_only_what_they_match() -> None:
 
 def test_two_unordered_steps_do_not_hold_the_same() -> None:
     unordered = step(2, "move(nut, table, bin)", holds=ARM_NUT)
-    assert wrong(TIDY, (BOLT_MOVES, unordered)) == ["K503: steps 1 and 2 are unordered, but both hold arm"]
+    assert wrong(TIDY, (BOLT_MOVES, unordered)) == [
+        "K503: steps 1 and 2 are unordered, but both hold arm"
+    ]
     assert wrong(TIDY, (BOLT_MOVES, NUT_MOVES)) == []
 
 
@@ -341,23 +363,30 @@ def test_no_unordered_step_denies_by_deduction_what_another_adds_or_needs() -> N
     posed = problem("")
     bin_, table = step(1, "drop(bolt, bin)"), step(2, "drop(bolt, table)")
     assert wrong(posed, (bin_, table)) == [
-        "K503: steps 1 and 2 are unordered, but drop(bolt, table) denies at(bolt, bin), which drop(bolt, bin) needs or adds"
+        "K503: steps 1 and 2 are unordered, but drop(bolt, table) denies at(bolt, bin), which "
+        "drop(bolt, bin) needs or adds"
     ]
     assert wrong(posed, (bin_, step(2, "drop(nut, table)"))) == []
     needing = (step(1, "move(bolt, table, bin)", holds=ARM_BOLT), step(2, "drop(bolt, bin)"))
     assert wrong(posed, needing, (link(0, "at(bolt, table)", 1),))[-1] == (
-        "K503: steps 1 and 2 are unordered, but drop(bolt, bin) denies at(bolt, table), which move(bolt, table, bin) needs or adds"
+        "K503: steps 1 and 2 are unordered, but drop(bolt, bin) denies at(bolt, table), which "
+        "move(bolt, table, bin) needs or adds"
     )
 
 
 def test_no_unordered_step_denies_what_a_link_gives_another() -> None:
     posed = problem("", ("lit",), workflow=("{for: {T: [bolt]}, stages: seen(T)}",))
     found = wrong(posed, (step(1, "look(bolt)"), step(2, "douse")), (link(0, "lit", 1),))
-    assert "K503: steps 1 and 2 are unordered, but douse denies lit, which look(bolt) needs or adds" in found
+    assert (
+        "K503: steps 1 and 2 are unordered, but douse denies lit, which look(bolt) needs or adds"
+        in found
+    )
 
 
 def test_no_unordered_step_adds_what_a_link_gives_as_false() -> None:
-    found = wrong(problem("dirty", ()), (step(1, "rub"), step(2, "wipe")), (link(0, "not(clean)", 1),))
+    found = wrong(
+        problem("dirty", ()), (step(1, "rub"), step(2, "wipe")), (link(0, "not(clean)", 1),)
+    )
     assert "K503: steps 1 and 2 are unordered, but wipe adds clean, which rub needs false" in found
 
 
@@ -405,7 +434,9 @@ deductive_operators:
 
 @pytest.mark.parametrize("consequence", ["implies: dark", "denies: oiled"])
 def test_a_denial_whose_consequences_depend_on_the_state_reads_the_state(consequence: str) -> None:
-    """Slamming lets a shut door swing open for a moment, which makes it dark; a door that stands open stays bright."""
+    """Slamming lets a shut door swing open for a moment, which makes it dark; a door that
+    stands open stays bright.
+    """
     posed = problem("latched", (), CONSEQUENCE.replace("implies: dark", consequence))
     assert wrong(posed, (step(1, "close"), step(2, "slam", 1))) == []
     assert wrong(posed, (step(1, "slam"), step(2, "oil"))) == []
@@ -425,7 +456,9 @@ def test_a_link_is_of_concern_to_its_consumer_alone() -> None:
 
 
 def switches(count: int) -> tuple:
-    """A cell where a lamp is lit if none or all of some switches are off, and two steps of no order."""
+    """A cell where a lamp is lit if none or all of some switches are off, and two steps of no
+    order.
+    """
     names = [f"s{n}" for n in range(count)]
     every = ", ".join(names)
     domain = f"""domain: switches
@@ -446,8 +479,12 @@ operators:
 @pytest.mark.parametrize(
     ("count", "accepted"), [(3, True), (MAX_UNCERTAIN, True), (MAX_UNCERTAIN + 1, False)]
 )
-def test_all_states_of_a_few_open_atoms_are_tried_and_of_more_none(count: int, accepted: bool) -> None:
-    """A tautology is proved by trying; with one atom more the steps count as disturbing each other."""
+def test_all_states_of_a_few_open_atoms_are_tried_and_of_more_none(
+    count: int, accepted: bool
+) -> None:
+    """A tautology is proved by trying; with one atom more the steps count as disturbing each
+    other.
+    """
     found = wrong(switches(count), (step(1, "try"), step(2, "turn(s0)")))
     assert (found == []) == accepted
     assert all(each.startswith("K503") for each in found)

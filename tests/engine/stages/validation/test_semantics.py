@@ -1,4 +1,6 @@
-"""What the checker takes domains to mean: initial states as grounding finds them, and each rule of deduction by example."""
+"""What the checker takes domains to mean: initial states as grounding finds them, and each rule
+of deduction by example.
+"""
 
 import dataclasses
 
@@ -28,7 +30,9 @@ default = st.one_of(
 
 @given(problems(deductive=True), st.lists(default, max_size=3).map(tuple))
 @MANY
-def test_the_initial_state_is_that_of_grounding(found: Problem, defaults: tuple[Default, ...]) -> None:
+def test_the_initial_state_is_that_of_grounding(
+    found: Problem, defaults: tuple[Default, ...]
+) -> None:
     domain = dataclasses.replace(found.domain, defaults=defaults)
     good = (Function("good", (CONSTANTS[0],)),)
     for complete in (False, True):
@@ -82,7 +86,9 @@ defaults:
 """
 
 
-@pytest.mark.parametrize(("heavy", "sendable"), [((), True), (("b2",), True), (("b2", "b3"), False)])
+@pytest.mark.parametrize(
+    ("heavy", "sendable"), [((), True), (("b2",), True), (("b2", "b3"), False)]
+)
 def test_aggregates_are_evaluated_for_each_instance(heavy: tuple[str, ...], sendable: bool) -> None:
     posed = problem("sent(b1)", (), COUNTING, statics=tuple(f"heavy({box})" for box in heavy))
     assert (wrong(posed, (step(1, "send(b1)"),)) == []) == sendable
@@ -90,7 +96,9 @@ def test_aggregates_are_evaluated_for_each_instance(heavy: tuple[str, ...], send
 
 def test_aggregates_decide_what_is_deduced_and_what_is_so_by_default() -> None:
     one = problem("sent(b2), not warned(b2), not watched(b2)", (), COUNTING, statics=("heavy(b2)",))
-    two = problem("sent(b2), warned(b2), watched(b2)", (), COUNTING, statics=("heavy(b2)", "heavy(b3)"))
+    two = problem(
+        "sent(b2), warned(b2), watched(b2)", (), COUNTING, statics=("heavy(b2)", "heavy(b3)")
+    )
     assert wrong(one, (step(1, "send(b2)"),)) == []
     assert wrong(two, (step(1, "send(b2)"),)) == []
 
@@ -115,7 +123,10 @@ def test_a_conditional_effect_comes_for_every_binding_that_held_before() -> None
     assert wrong(problem("not hot(t1), hot(t2)", initial, EFFECTS), (step(1, "shake(rack)"),)) == []
     assert wrong(problem("hot(t1), not hot(t2)", initial, EFFECTS), (step(1, "shake(oven)"),)) == []
     assert (
-        wrong(problem("hot(t1), hot(t2)", ("wet(t1)", "wet(t2)"), EFFECTS), (step(1, "shake(oven)"),)) == []
+        wrong(
+            problem("hot(t1), hot(t2)", ("wet(t1)", "wet(t2)"), EFFECTS), (step(1, "shake(oven)"),)
+        )
+        == []
     )
 
 
@@ -153,7 +164,10 @@ def test_the_end_of_an_atom_has_consequences_only_if_it_was_true() -> None:
     assert wrong(problem("idle(bolt)", ("on(bolt)",), CLOSURE), (step(1, "stop(bolt)"),)) == []
     assert wrong(problem("not idle(bolt)", (), CLOSURE), (step(1, "stop(bolt)"),)) == []
     assert (
-        wrong(problem("not idle(bolt)", ("cold(bolt)", "idle(bolt)"), CLOSURE), (step(1, "start(bolt)"),))
+        wrong(
+            problem("not idle(bolt)", ("cold(bolt)", "idle(bolt)"), CLOSURE),
+            (step(1, "start(bolt)"),),
+        )
         == []
     )
     assert wrong(problem("idle(bolt)", ("idle(bolt)",), CLOSURE), (step(1, "start(bolt)"),)) == []
@@ -183,7 +197,9 @@ whole :- not apart(a), not apart(b), not apart(c).
 def test_derived_predicates_are_closed_before_what_they_leave_out_is_read(
     joined: tuple[str, ...], whole: bool
 ) -> None:
-    """`whole` depends on `apart`, which depends on the absence of what is `linked` by a recursive rule."""
+    """`whole` depends on `apart`, which depends on the absence of what is `linked` by a
+    recursive rule.
+    """
     posed = problem("tried", (), STRATA, statics=joined, rules=RULES)
     found = wrong(posed, (step(1, "begin(a)"), step(2, "end", 1)))
     assert found == ([] if whole else ["K501: step 2 end: whole does not hold when it starts"])
@@ -270,7 +286,8 @@ def test_a_conditional_effect_happens_for_whatever_its_condition_holds(
 
 
 @pytest.mark.parametrize(
-    ("item", "goals", "reached"), [("bolt", "full", True), ("bolt", "lit", False), ("nut", "lit", True)]
+    ("item", "goals", "reached"),
+    [("bolt", "full", True), ("bolt", "lit", False), ("nut", "lit", True)],
 )
 def test_an_operator_deduces_from_the_atoms_that_match_its_trigger_alone(
     item: str, goals: str, reached: bool
@@ -314,13 +331,17 @@ free(P) :- place(P), not at(_, P).
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3])
 def test_what_follows_from_a_count_follows_further(count: int) -> None:
-    """The numbers are met while the state is evaluated: rules that use them are instantiated then, and fire at once."""
+    """The numbers are met while the state is evaluated: rules that use them are instantiated
+    then, and fire at once.
+    """
     posed = problem("topped", (), STACKED, rules=LEVELS)
     items = ("bolt", "nut", "washer")
     told = Semantics(posed)
     for many in (count, 3, count):
         found = told.facts([atom(f"at({each}, table)") for each in items[:many]])
-        assert {str(each) for each in found.named("level")} == {f"level({n})" for n in range(many + 1)}
+        assert {str(each) for each in found.named("level")} == {
+            f"level({n})" for n in range(many + 1)
+        }
         assert (atom("topped") in found) == (many == 3)
         free = {"free(bin)"} | ({"free(table)"} if not many else set())
         assert {str(each) for each in found.named("free")} == free
@@ -363,7 +384,9 @@ def test_an_event_that_conditions_repeat_happens_once() -> None:
 @pytest.mark.parametrize("spare", [False, True])
 def test_an_end_has_consequences_only_where_something_follows(spare: bool) -> None:
     posed = problem("done", ("power",), SIGNALS, statics=("spare(red)",) if spare else ())
-    change = Semantics(posed).deduce([], [Denial(atom("power"), deduced=False)], frozenset({atom("power")}))
+    change = Semantics(posed).deduce(
+        [], [Denial(atom("power"), deduced=False)], frozenset({atom("power")})
+    )
     assert change.adds == ({atom("dark(red)")} if spare else set())
     assert change.triggered == ({atom("power")} if spare else set())
 

@@ -15,13 +15,18 @@ from cellwright.engine.kernels.rigid import (
     transform,
 )
 from cellwright.engine.model.vision import DepthCamera, DepthImage, LocatedPart, PoseHypothesis
-from cellwright.engine.stages.vision.sensor_calibration import fit_camera_calibration, fit_range_calibration
+from cellwright.engine.stages.vision.sensor_calibration import (
+    fit_camera_calibration,
+    fit_range_calibration,
+)
 
 CAMERA = DepthCamera.viewing(160, 120, 0.6, 1.0)
 SURE = np.diag([0.0003, 0.0003, 0.0006, 0.002, 0.002, 0.001]) ** 2
 
 
-def plate(distance: float, lean: tuple[float, float], offset: float, scale: float, seed: int) -> DepthImage:
+def plate(
+    distance: float, lean: tuple[float, float], offset: float, scale: float, seed: int
+) -> DepthImage:
     """A plate that leans a little, as a range finder with errors sees it."""
     random = np.random.default_rng(seed)
     v, u = np.mgrid[:120, :160].astype(float)
@@ -35,13 +40,18 @@ def plate(distance: float, lean: tuple[float, float], offset: float, scale: floa
 @given(
     offset=st.floats(-0.02, 0.02),
     scale=st.floats(0.95, 1.05),
-    leans=st.lists(st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05)), min_size=5, max_size=5),
+    leans=st.lists(
+        st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05)), min_size=5, max_size=5
+    ),
 )
 def test_offset_and_scale_are_recovered_from_plates_that_lean(
     offset: float, scale: float, leans: list[tuple[float, float]]
 ) -> None:
     distances = [0.6, 0.75, 0.9, 1.05, 1.2]
-    images = [plate(d, lean, 0.0, 1.0, n) for n, (d, lean) in enumerate(zip(distances, leans, strict=True))]
+    images = [
+        plate(d, lean, 0.0, 1.0, n)
+        for n, (d, lean) in enumerate(zip(distances, leans, strict=True))
+    ]
     images = [
         DepthImage(CAMERA, np.where(each.depth > 0, offset + scale * each.depth, 0.0), 0.001)
         for each in images

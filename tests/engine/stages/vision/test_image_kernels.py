@@ -18,7 +18,9 @@ def test_a_border_is_where_a_mask_ends_and_points_away_from_what_is_near(seed: i
     random = np.random.default_rng(seed)
     mask = random.random((9, 11)) < random.uniform(0.3, 1.0)
     at, outward = border(mask)
-    expected = {(u, v): way for v, u in np.argwhere(mask) if (way := plain_way(mask, v, u)) is not None}
+    expected = {
+        (u, v): way for v, u in np.argwhere(mask) if (way := plain_way(mask, v, u)) is not None
+    }
     assert {(int(u), int(v)) for u, v in at} == set(expected)
     for (u, v), way in zip(at, outward, strict=True):
         assert np.allclose(way, expected[int(u), int(v)])
@@ -40,7 +42,10 @@ def plain_way(mask: Truths, v: int, u: int) -> Floats | None:
 def test_a_surface_ends_where_the_image_becomes_deeper_and_goes_on_where_it_does_not() -> None:
     inverse = np.full((20, 40), 1.0)
     inverse[:, 23:] = 0.5
-    planes, outward = np.tile([0.0, 0.0, 1.0], (3, 1)), np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    planes, outward = (
+        np.tile([0.0, 0.0, 1.0], (3, 1)),
+        np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+    )
     at = np.array([[20.0, 5.0], [10.0, 5.0], [10.0, 10.0]])
     picture = np.zeros((20, 21)), np.zeros((20, 21), dtype=np.int64)
     shift, goes_on = ends(inverse, planes, at, outward, 5, 0.003, *picture, (0, 0))
@@ -53,7 +58,11 @@ def test_other_facets_of_the_part_that_lie_deeper_are_no_end_of_this_one() -> No
     """A narrow facet: what is crossed on the way to it lies elsewhere, and is seen where it is."""
     inverse = np.full((20, 40), 0.5)
     inverse[:, 10:19], inverse[:, 19:21] = 1 / 1.05, 1.0
-    planes, outward, at = np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0]]), np.array([[20.0, 5.0]])
+    planes, outward, at = (
+        np.array([[0.0, 0.0, 1.0]]),
+        np.array([[1.0, 0.0]]),
+        np.array([[20.0, 5.0]]),
+    )
     depth, owner = np.full((20, 11), 1.05), np.zeros((20, 11), dtype=np.int64)
     depth[:, 9:], owner[:, 9:] = 1.0, 1
     shift, _ = ends(inverse, planes, at, outward, 5, 0.003, depth, owner, (10, 0))
@@ -69,7 +78,9 @@ def test_points_of_a_surface_are_counted_as_their_pixels_say(seed: int) -> None:
     depth = np.where(random.random((12, 16)) < 0.2, 0.0, random.uniform(0.8, 1.2, (12, 16)))
     points, normals = random.uniform(-0.3, 0.3, (20, 3)), random.normal(size=(20, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    poses = np.array([transform(rotation_by_vector(random.normal(size=3)), (0, 0, 1.0)) for _ in range(4)])
+    poses = np.array(
+        [transform(rotation_by_vector(random.normal(size=3)), (0, 0, 1.0)) for _ in range(4)]
+    )
     optics = np.array([16.0, 7.5, 5.5])
     agree, through = seen(Samples(depth, optics, points, normals, 0.3), poses, 0.1)
     for n, T in enumerate(poses):
@@ -82,7 +93,9 @@ def test_points_of_a_surface_are_counted_as_their_pixels_say(seed: int) -> None:
 
 
 def plain_apart(depth: Floats, optics: Floats, point: Floats, normal: Floats) -> float | None:
-    """How much deeper the image is than a point; None if the point is not asked for, or not in the image."""
+    """How much deeper the image is than a point; None if the point is not asked for, or not in
+    the image.
+    """
     if point @ normal >= -0.3 * np.linalg.norm(point):
         return None
     u, v = (math.floor(optics[0] * point[k] / point[2] + optics[k + 1] + 0.5) for k in (0, 1))

@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.kernels.rigid import difference, rotation, rotation_by_vector, transform, translation
+from cellwright.engine.kernels.rigid import (
+    difference,
+    rotation,
+    rotation_by_vector,
+    transform,
+    translation,
+)
 from cellwright.engine.model.geometry import Solid
 from cellwright.engine.model.vision import DepthCamera, DepthImage, LocatedPart, NotLocated
 from cellwright.engine.stages.vision.kernels.rays import Range, draw
@@ -32,9 +38,13 @@ def lying(x: float, y: float, turn: float, height: float = 0.025) -> Floats:
     return T_CAMERA_WORLD @ transform(rotation((0, 0, 1), turn), (x, y, height))
 
 
-def seen(*things: tuple[Solid, Floats], seed: int = 0, noise: float = 0.001) -> tuple[DepthImage, KnownScene]:
+def seen(
+    *things: tuple[Solid, Floats], seed: int = 0, noise: float = 0.001
+) -> tuple[DepthImage, KnownScene]:
     """An image of things on the table, and what is known before."""
-    image = disturb_image(render_depths([TABLE, *things], CAMERA)[0], DepthSensor(noise, 0.01), seed)
+    image = disturb_image(
+        render_depths([TABLE, *things], CAMERA)[0], DepthSensor(noise, 0.01), seed
+    )
     known = np.abs(image.depth - render_depths([TABLE], CAMERA)[0].depth) < 4 * noise
     return image, KnownScene(known, (FLOOR,))
 
@@ -132,10 +142,15 @@ def test_the_same_seed_gives_the_same_errors() -> None:
 
 
 def test_what_shows_through_a_part_counts_against_it_more_than_what_is_not_seen() -> None:
-    """Otherwise a pose that claims a few more pixels wins over the true one, although the table is seen through it."""
+    """Otherwise a pose that claims a few more pixels wins over the true one, although the table
+    is seen through it.
+    """
     T = lying(0.0, 0.0, 0.3)
     image, ground = seen((PART, T))
-    table, owner = render_depths([TABLE], CAMERA)[0].depth, render_depths([TABLE, (PART, T)], CAMERA)[1]
+    table, owner = (
+        render_depths([TABLE], CAMERA)[0].depth,
+        render_depths([TABLE, (PART, T)], CAMERA)[1],
+    )
     inside = ndimage.binary_erosion(owner == 1, iterations=8)
     some = inside & (np.cumsum(inside).reshape(inside.shape) <= 40)
     through, unseen = (
@@ -152,11 +167,14 @@ def test_what_shows_through_a_part_counts_against_it_more_than_what_is_not_seen(
 
 
 @pytest.mark.parametrize("longer_m", [0.0025, -0.0025])
-def test_a_part_of_nearly_the_same_size_is_not_taken_for_the_one_that_is_looked_for(longer_m: float) -> None:
+def test_a_part_of_nearly_the_same_size_is_not_taken_for_the_one_that_is_looked_for(
+    longer_m: float,
+) -> None:
     """Place by place its outline agrees, but whole edges of it are off one way."""
     part, other = block(0.1, 0.06, 0.05), block(0.1 + longer_m, 0.06, 0.05)
     there, instead = (
-        locate_in_image(PartModel(part), *seen((each, lying(0.05, -0.04, 1.0)))) for each in (part, other)
+        locate_in_image(PartModel(part), *seen((each, lying(0.05, -0.04, 1.0))))
+        for each in (part, other)
     )
     assert isinstance(there, LocatedPart)
     assert there.best.off_px < 0.5

@@ -1,4 +1,6 @@
-"""Range images err as the tool is said to; their edges, rims and patches are where the geometry puts them."""
+"""Range images err as the tool is said to; their edges, rims and patches are where the geometry
+puts them.
+"""
 
 from dataclasses import replace
 
@@ -42,7 +44,9 @@ def image_of(solids: Placed, tool: Ranging = TOOL, seed: int = 1) -> RangeImage:
 
 def test_ranges_scatter_as_the_strength_of_the_signal_says() -> None:
     for lean in (0.0, 1.0):
-        solids = [(WALL[0], transform(rotation_by_vector(np.array([0.0, lean, 0.0])), (0.0, 0.0, 0.505)))]
+        solids = [
+            (WALL[0], transform(rotation_by_vector(np.array([0.0, lean, 0.0])), (0.0, 0.0, 0.505)))
+        ]
         image = image_of(solids)
         off = (image.range_m - expected_ranges(solids, TOOL)) / range_sigmas(image)
         assert 0.9 < float(off[4:-4, 4:-4].std()) < 1.1
@@ -50,9 +54,12 @@ def test_ranges_scatter_as_the_strength_of_the_signal_says() -> None:
 
 def test_noise_grows_with_range_and_incidence() -> None:
     near, far = (
-        float(np.median(image_of([(WALL[0], translation(0, 0, z))]).noise_m)) for z in (0.505, 0.705)
+        float(np.median(image_of([(WALL[0], translation(0, 0, z))]).noise_m))
+        for z in (0.505, 0.705)
     )
-    flat = image_of([(WALL[0], transform(rotation_by_vector(np.array([0.0, 1.0, 0.0])), (0.0, 0.0, 0.505)))])
+    flat = image_of(
+        [(WALL[0], transform(rotation_by_vector(np.array([0.0, 1.0, 0.0])), (0.0, 0.0, 0.505)))]
+    )
     assert far / near == pytest.approx(1.96, rel=0.02)
     assert float(np.median(flat.noise_m)) / near == pytest.approx(1.0 / np.cos(1.0), rel=0.1)
 
@@ -102,7 +109,9 @@ def test_a_beam_on_two_surfaces_tells_a_range_between_them() -> None:
 
 
 def test_a_surface_that_is_seen_too_flat_gives_no_answer() -> None:
-    solids = [(WALL[0], transform(rotation_by_vector(np.array([0.0, 1.45, 0.0])), (0.0, 0.0, 0.505)))]
+    solids = [
+        (WALL[0], transform(rotation_by_vector(np.array([0.0, 1.45, 0.0])), (0.0, 0.0, 0.505)))
+    ]
     assert not scan_solids(solids, replace(TOOL, grazing_rad=1.0), 1).range_m[20:28, 20:28].any()
     assert scan_solids(solids, replace(TOOL, grazing_rad=1.5), 1).range_m[20:28, 20:28].all()
 
@@ -111,7 +120,9 @@ def test_a_surface_that_is_seen_too_flat_gives_no_answer() -> None:
 def test_roofs_and_creases_are_told_apart(height: float, kind: EdgeKind) -> None:
     low = min(height, 0.0) - 0.03
     ridge = prism("w", [(-0.06, low), (0.06, low), (0.06, 0.0), (0.0, height), (-0.06, 0.0)], 0.2)
-    image = image_of([(ridge, transform(rotation_by_vector(np.array([-np.pi / 2, 0, 0])), (0, 0, 0.5)))])
+    image = image_of(
+        [(ridge, transform(rotation_by_vector(np.array([-np.pi / 2, 0, 0])), (0, 0, 0.5)))]
+    )
     edges = find_edges(image)
     columns = np.nonzero(edges.on(kind)[8:-8])[1]
     other = EdgeKind.CREASE if kind is EdgeKind.ROOF else EdgeKind.ROOF
@@ -136,22 +147,30 @@ def test_a_round_body_has_no_roof() -> None:
     around = np.linspace(0, 2 * np.pi, 200, endpoint=False)
     cylinder = prism("c", [(0.05 * np.cos(a), 0.05 * np.sin(a)) for a in around], 0.2)
     edges = find_edges(
-        image_of([(cylinder, transform(rotation_by_vector(np.array([-np.pi / 2, 0, 0])), (0, 0, 0.55)))])
+        image_of(
+            [(cylinder, transform(rotation_by_vector(np.array([-np.pi / 2, 0, 0])), (0, 0, 0.55)))]
+        )
     )
     assert not (edges.on(EdgeKind.ROOF) | edges.on(EdgeKind.CREASE)).any()
 
 
 def test_a_patch_across_a_step_leaves_out_what_is_mixed() -> None:
     image = image_of(STEPPED)
-    found = fit_measured_shape(FitShape.PLANE, cloud_of(image, find_edges(image), PixelWindow(0, 0, 20, 48)))
+    found = fit_measured_shape(
+        FitShape.PLANE, cloud_of(image, find_edges(image), PixelWindow(0, 0, 20, 48))
+    )
     assert isinstance(found, Fit)
     assert found.used.mean() > 0.98
-    assert abs(float(found.axis @ found.origin)) == pytest.approx(0.495, abs=5 * found.deviation("z"))
+    assert abs(float(found.axis @ found.origin)) == pytest.approx(
+        0.495, abs=5 * found.deviation("z")
+    )
 
 
 def test_the_rim_of_a_step_is_told_to_a_fraction_of_a_pixel() -> None:
     tool = replace(TOOL, pointing_rad=0.0)
-    rim = find_rim(image_of(SLANTING, tool), np.array([0.0, 0.0, 1.0]), 0.495, PixelWindow(0, 4, 48, 44))
+    rim = find_rim(
+        image_of(SLANTING, tool), np.array([0.0, 0.0, 1.0]), 0.495, PixelWindow(0, 4, 48, 44)
+    )
     assert rim is not None
     pixel = 0.495 / picture_of(tool).focal_px
     off = rim.cloud.points @ SLANT[:3, 0]
@@ -161,7 +180,9 @@ def test_the_rim_of_a_step_is_told_to_a_fraction_of_a_pixel() -> None:
 
 
 def test_a_rim_before_something_else_on_a_leaning_part_has_all_its_pixels() -> None:
-    """Where a part leans, a step is still where the range jumps from one pixel to the next: mixed pixels keep their answers."""
+    """Where a part leans, a step is still where the range jumps from one pixel to the next:
+    mixed pixels keep their answers.
+    """
     lean = transform(rotation_by_vector(np.array([0.3, -0.25, 0.0])), (0.0, 0.0, 0.5))
     edge = [
         (block(0.1, 0.3, 0.01), lean @ translation(-0.05, 0.0, 0.0)),
@@ -180,10 +201,14 @@ def test_a_rim_before_something_else_on_a_leaning_part_has_all_its_pixels() -> N
 
 @pytest.mark.slow
 def test_beams_beside_their_direction_are_rendered_as_exactly_as_those_that_are_not() -> None:
-    """Between the samples of a rendered picture a beam is as wide as it is: samples four times as near make no difference."""
+    """Between the samples of a rendered picture a beam is as wide as it is: samples four times
+    as near make no difference.
+    """
     around = np.linspace(0.0, 2.0 * np.pi, 601)[:-1]
     rod = prism("rod", [(0.02 * np.cos(each), 0.02 * np.sin(each)) for each in around], 0.4)
-    lying = [(rod, transform(rotation_by_vector(np.array([np.pi / 2, 0.0, 0.1])), (0.0, 0.0, 0.52)))]
+    lying = [
+        (rod, transform(rotation_by_vector(np.array([np.pi / 2, 0.0, 0.1])), (0.0, 0.0, 0.52)))
+    ]
     tool = replace(TOOL, noise_m=1e-9, pointing_rad=1e-3, width=24, height=24)
     coarse, fine = (scan_solids(lying, tool, 7, finer) for finer in (5, 21))
     both = (coarse.range_m > 0) & (fine.range_m > 0)
@@ -194,7 +219,10 @@ def test_beams_beside_their_direction_are_rendered_as_exactly_as_those_that_are_
 
 
 def test_there_is_no_rim_of_a_plane_that_is_not_seen() -> None:
-    assert find_rim(image_of([WALL]), np.array([0.0, 0.0, 1.0]), 0.4, PixelWindow(0, 0, 48, 48)) is None
+    assert (
+        find_rim(image_of([WALL]), np.array([0.0, 0.0, 1.0]), 0.4, PixelWindow(0, 0, 48, 48))
+        is None
+    )
 
 
 def test_a_patch_is_placed_clear_of_edges_and_as_sure_as_it_says() -> None:
@@ -225,14 +253,18 @@ def test_the_placed_patch_is_the_best_of_all() -> None:
         rows = np.column_stack([np.ones(len(own)), own])
         return float(np.sqrt(np.linalg.inv(rows.T @ rows)[0, 0]))
 
-    best = min(sigma(left, top) for left in range(found.window.left + 1) for top in range(0, 48 - side, 2))
+    best = min(
+        sigma(left, top) for left in range(found.window.left + 1) for top in range(0, 48 - side, 2)
+    )
     assert sigma(found.window.left, found.window.top) <= 1.02 * best
 
 
 def test_no_patch_is_placed_where_the_surface_is_too_small() -> None:
     small = [(block(0.004, 0.004, 0.01), translation(0, 0, 0.5))]
     assert (
-        place_patch(small, TOOL, np.array([0.0, 0.0, 0.495]), np.array([0.0, 0.0, -1.0]), (0.005, 0.02))
+        place_patch(
+            small, TOOL, np.array([0.0, 0.0, 0.495]), np.array([0.0, 0.0, -1.0]), (0.005, 0.02)
+        )
         is None
     )
 

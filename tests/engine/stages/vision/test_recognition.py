@@ -1,4 +1,6 @@
-"""Parts are recognised by the relations between their faces and by their edges; what is alike, missing or strange is said."""
+"""Parts are recognised by the relations between their faces and by their edges; what is alike,
+missing or strange is said.
+"""
 
 from dataclasses import replace
 
@@ -6,11 +8,21 @@ import numpy as np
 import pytest
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.kernels.rigid import apply, difference, rotation, rotation_by_vector, transform
+from cellwright.engine.kernels.rigid import (
+    apply,
+    difference,
+    rotation,
+    rotation_by_vector,
+    transform,
+)
 from cellwright.engine.model.geometry import Solid
 from cellwright.engine.model.vision import DepthCamera, PartSight, Recognised
 from cellwright.engine.stages.vision.part_localisation import KnownScene
-from cellwright.engine.stages.vision.part_recognition import PartClaim, decide_claims, recognise_in_image
+from cellwright.engine.stages.vision.part_recognition import (
+    PartClaim,
+    decide_claims,
+    recognise_in_image,
+)
 from cellwright.engine.stages.vision.pose_hypotheses import PartModel
 from cellwright.engine.stages.vision.sensor_images import DepthSensor, disturb_image, render_depths
 from tests.engine.stages.solids import block, ell, prism
@@ -35,11 +47,17 @@ def seen(
     seed: int = 0,
     floor: bool = False,
 ) -> Recognised:
-    """What is recognised of things at poses before a table; the table is told where it carries parts."""
-    image = disturb_image(render_depths([TABLE, *things], CAMERA)[0], DepthSensor(0.0005, 0.01), seed)
+    """What is recognised of things at poses before a table; the table is told where it carries
+    parts.
+    """
+    image = disturb_image(
+        render_depths([TABLE, *things], CAMERA)[0], DepthSensor(0.0005, 0.01), seed
+    )
     known = np.abs(image.depth - render_depths([TABLE], CAMERA)[0].depth) < 0.002
     floors = (np.array([0.0, 0.0, -1.0, -1.2]),) if floor else ()
-    return recognise_in_image(MODELS if models is None else models, image, KnownScene(known, floors))
+    return recognise_in_image(
+        MODELS if models is None else models, image, KnownScene(known, floors)
+    )
 
 
 def looked_at(
@@ -74,8 +92,19 @@ def test_two_parts_that_look_alike_are_not_decided_between() -> None:
 
 
 def test_a_part_that_is_not_among_them_is_not_found_and_told_to_be_none_of_them() -> None:
-    zed = [(0, 0), (0.06, 0), (0.06, 0.03), (0.1, 0.03), (0.1, 0.06), (0.03, 0.06), (0.03, 0.03), (0, 0.03)]
-    found = looked_at(prism("zed", zed, 0.05), CORNER, {"ell": MODELS["ell"], "wedge": MODELS["wedge"]})
+    zed = [
+        (0, 0),
+        (0.06, 0),
+        (0.06, 0.03),
+        (0.1, 0.03),
+        (0.1, 0.06),
+        (0.03, 0.06),
+        (0.03, 0.03),
+        (0, 0.03),
+    ]
+    found = looked_at(
+        prism("zed", zed, 0.05), CORNER, {"ell": MODELS["ell"], "wedge": MODELS["wedge"]}
+    )
     assert (found.named, found.unclear) == ((), ())
     assert sorted(found.missing) == ["ell", "wedge"]
     assert len(found.unexplained) == 1
@@ -133,14 +162,22 @@ def test_a_part_that_stands_is_believed_before_one_that_hangs_in_the_air() -> No
 
 
 def lying(part: Solid, random: np.random.Generator) -> Floats:
-    """A pose in the camera's frame in which a part lies on one of its faces somewhere on the table."""
-    below = [each for each in part.facets if (part.vertices @ each.normal - each.offset).max() < 1e-9]
+    """A pose in the camera's frame in which a part lies on one of its faces somewhere on the
+    table.
+    """
+    below = [
+        each for each in part.facets if (part.vertices @ each.normal - each.offset).max() < 1e-9
+    ]
     z = -below[random.integers(len(below))].normal
     across = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
     x = across / np.linalg.norm(across)
     R = rotation((0, 0, 1), random.uniform(-3, 3)) @ np.stack([x, np.cross(z, x), z])
     middle, low = R @ part.vertices.mean(axis=0), (part.vertices @ R[2]).min()
-    at = np.array([*random.uniform((-0.08, -0.05), (0.08, 0.05)), 0.0]) - [middle[0], middle[1], low]
+    at = np.array([*random.uniform((-0.08, -0.05), (0.08, 0.05)), 0.0]) - [
+        middle[0],
+        middle[1],
+        low,
+    ]
     return transform(DOWN, (0.0, 0.0, 1.2)) @ transform(R, at)
 
 
@@ -164,10 +201,14 @@ def spread(names: list[str], random: np.random.Generator) -> dict[str, Floats]:
 @pytest.mark.parametrize("seed", range(30))
 def test_each_part_of_a_scene_is_named_and_none_is_false(seed: int) -> None:
     random = np.random.default_rng(seed)
-    there = spread([str(each) for each in random.permutation(sorted(PARTS))[: random.integers(2, 5)]], random)
+    there = spread(
+        [str(each) for each in random.permutation(sorted(PARTS))[: random.integers(2, 5)]], random
+    )
     strange = next(iter(there)) if seed % 3 == 0 else ""  # nobody looks for it
     models = {name: model for name, model in MODELS.items() if name != strange}
-    found = seen(*((PARTS[name], T) for name, T in there.items()), models=models, seed=seed, floor=True)
+    found = seen(
+        *((PARTS[name], T) for name, T in there.items()), models=models, seed=seed, floor=True
+    )
     wanted = {name: T for name, T in there.items() if name != strange}
     assert sorted(each.best.part for each in found.named) == sorted(wanted)
     for each in found.named:

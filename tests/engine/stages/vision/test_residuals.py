@@ -25,11 +25,13 @@ LONG, WIDE = 320 / 3, 64.0  # pixels
 
 
 def outline(turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Places of the outline of the block, with their directions outwards: two long sides, then two short ones."""
+    """Places of the outline of the block, with their directions outwards: two long sides, then
+    two short ones.
+    """
     u, v = np.arange(-50, 51, dtype=float), np.arange(-30, 31, dtype=float)
-    sides = [(np.stack([u, np.full(len(u), s * WIDE / 2)], axis=1), (0.0, float(s))) for s in (1, -1)] + [
-        (np.stack([np.full(len(v), s * LONG / 2), v], axis=1), (float(s), 0.0)) for s in (1, -1)
-    ]
+    sides = [
+        (np.stack([u, np.full(len(u), s * WIDE / 2)], axis=1), (0.0, float(s))) for s in (1, -1)
+    ] + [(np.stack([np.full(len(v), s * LONG / 2), v], axis=1), (float(s), 0.0)) for s in (1, -1)]
     at = np.concatenate([places for places, _ in sides])
     outward = np.concatenate([np.tile(way, (len(places), 1)) for places, way in sides])
     R = rotation((0, 0, 1), turn)[:2, :2]
@@ -37,7 +39,9 @@ def outline(turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def told(pose: np.ndarray, at: np.ndarray, outward: np.ndarray, shift: np.ndarray) -> float:
-    """How far the block at a pose is off where the surface ends so many pixels outside of its outline."""
+    """How far the block at a pose is off where the surface ends so many pixels outside of its
+    outline.
+    """
     ended = at[:, None] + (shift[:, None] + [-0.5, 0.5])[..., None] * outward[:, None]
     return outline_deviation_px(assign_to_edges(MODEL, CAMERA, pose, at, outward, ended))
 
@@ -48,7 +52,10 @@ def test_every_edge_of_a_part_counts_once() -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(
-    turn=st.floats(-3.0, 3.0), off=st.floats(-3.0, 3.0), side=st.integers(0, 3), seed=st.integers(0, 10**6)
+    turn=st.floats(-3.0, 3.0),
+    off=st.floats(-3.0, 3.0),
+    side=st.integers(0, 3),
+    seed=st.integers(0, 10**6),
 )
 def test_one_side_that_is_off_is_told_by_as_much_as_it_is(
     turn: float, off: float, side: int, seed: int
@@ -79,8 +86,12 @@ def test_noise_alone_is_averaged_out_and_few_places_tell_nothing() -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(turn=st.floats(-3.0, 3.0), u=st.floats(-0.5, 0.5), v=st.floats(-0.5, 0.5))
-def test_pixels_of_a_part_in_its_place_are_no_contradiction(turn: float, u: float, v: float) -> None:
-    """Also along rows of pixels, and where a side that is seen edge on has two edges side by side."""
+def test_pixels_of_a_part_in_its_place_are_no_contradiction(
+    turn: float, u: float, v: float
+) -> None:
+    """Also along rows of pixels, and where a side that is seen edge on has two edges side by
+    side.
+    """
     model = PartModel(block(0.1, 0.06, 0.02))
     camera = DepthCamera.viewing(320, 240, 0.3, 1.0)
     pitch = 0.3 / 320

@@ -13,7 +13,8 @@ from cellwright.kb.model.domain_model import NUMERIC_TYPES, OBJECT_TYPE, Kind
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number, Term, Text, Variable, natural_key
 
-NUMERAL, WORDS, CHAIN = "_numeral", "_text", "_chain"  # in PDDL, numbers, texts and chains are objects
+# in PDDL, numbers, texts and chains are objects
+NUMERAL, WORDS, CHAIN = "_numeral", "_text", "_chain"
 
 
 class NotLiftable(Exception):
@@ -21,7 +22,9 @@ class NotLiftable(Exception):
 
 
 class Background:
-    """The statics of a problem: facts by predicate, the objects of each type, and one declared type per object."""
+    """The statics of a problem: facts by predicate, the objects of each type, and one declared
+    type per object.
+    """
 
     def __init__(self, problem: Problem, task: GroundTask) -> None:
         self.problem, self.domain, self.task = problem, problem.domain, task
@@ -42,7 +45,9 @@ class Background:
             for fact in self.facts[name]:
                 types[fact.arguments[0]].append(name)
         return {
-            term: [narrow for narrow in names if not any(self._below(wider, narrow) for wider in names)]
+            term: [
+                narrow for narrow in names if not any(self._below(wider, narrow) for wider in names)
+            ]
             for term, names in types.items()
         }
 
@@ -51,7 +56,9 @@ class Background:
 
     @cached_property
     def shared(self) -> frozenset[str]:
-        """Types whose objects PDDL would have to declare under two parents: they become static predicates."""
+        """Types whose objects PDDL would have to declare under two parents: they become static
+        predicates.
+        """
         shared_types = set()
         for first, *rest in self._minimal.values():
             above = {name for type_name in rest for name in self.ancestors(type_name)}
@@ -83,7 +90,11 @@ class Background:
         if name == "text":
             return WORDS
         return next(
-            (ancestor_type for ancestor_type in self.ancestors(name) if ancestor_type not in self.shared),
+            (
+                ancestor_type
+                for ancestor_type in self.ancestors(name)
+                if ancestor_type not in self.shared
+            ),
             self._built_in(name),
         )
 
@@ -103,7 +114,9 @@ class Background:
                 used_terms.update(dict.fromkeys(_subterms_of(fact.arguments[0])))
         for atom in self.task.atoms:
             if self.kinds.get(atom.name) is Kind.FLUENT:
-                used_terms.update(dict.fromkeys(sub for term in atom.arguments for sub in _subterms_of(term)))
+                used_terms.update(
+                    dict.fromkeys(sub for term in atom.arguments for sub in _subterms_of(term))
+                )
         return tuple(sorted(used_terms, key=natural_key))
 
     @cached_property
@@ -117,7 +130,10 @@ class Background:
         return self.kinds.get(name, Kind.STATIC) is Kind.STATIC
 
     def table(self, body: Body, parameters: Iterable[Parameter]) -> list[tuple[Term, ...]]:
-        """Every binding of the parameters that satisfies a static body. Raises `NotLiftable` if they are unbound."""
+        """Every binding of the parameters that satisfies a static body.
+
+        Raises `NotLiftable` if they are unbound.
+        """
         parameters = tuple(parameters)
         self._tables += 1
         name = f"_export_{self._tables}"
@@ -128,7 +144,8 @@ class Background:
         except AspError as error:
             raise NotLiftable(str(error)) from None
         return sorted(
-            self._grounder.atoms(name, len(parameters)), key=lambda row: [natural_key(t) for t in row]
+            self._grounder.atoms(name, len(parameters)),
+            key=lambda row: [natural_key(t) for t in row],
         )
 
     def signature(self, name: str) -> tuple[str, ...]:

@@ -66,16 +66,22 @@ class ChainCounters:
         return [atom for atom in self.background.task.atoms if reaches_stage(atom, stage)]
 
     def initial(self) -> Iterator[Atom]:
-        """The counters at the start: chains that wait for no other chain are at their beginning, or at what holds already."""
+        """The counters at the start: chains that wait for no other chain are at their
+        beginning, or at what holds already.
+        """
         return (
-            stage_reached(chain, self.begun[chain.name]) for chain in self.chains if not self._waits(chain)
+            stage_reached(chain, self.begun[chain.name])
+            for chain in self.chains
+            if not self._waits(chain)
         )
 
     def _waits(self, chain: Chain) -> bool:
         return bool(chain.after) and not self.begun[chain.name]
 
     def beginnings(self) -> Iterator[Operator]:
-        """A step for each chain that waits for other chains: it begins the chain when they are finished."""
+        """A step for each chain that waits for other chains: it begins the chain when they are
+        finished.
+        """
         length = {chain.name: (chain, len(chain.stages)) for chain in self.chains}
         for number, chain in enumerate(self.chains):
             if self._waits(chain):
@@ -87,10 +93,17 @@ class ChainCounters:
 
     def waiting(self) -> Iterator[Atom]:
         """The atoms that the beginning steps consume, so that each happens only once."""
-        return (Function(f"{BEGIN}_{n}_yet") for n, chain in enumerate(self.chains) if self._waits(chain))
+        return (
+            Function(f"{BEGIN}_{n}_yet")
+            for n, chain in enumerate(self.chains)
+            if self._waits(chain)
+        )
 
     def goals(self) -> Iterator[Condition]:
-        """Every chain is finished. A fluent that ends a chain still holds, unless a later chain of the same subject follows."""
+        """Every chain is finished.
+
+        A fluent that ends a chain still holds, unless a later chain of the same subject follows.
+        """
         lasts = final_stages(self.chains, self.background.domain)
         for chain in self.chains:
             yield Literal(stage_reached(chain, len(chain.stages)))
@@ -98,7 +111,9 @@ class ChainCounters:
                 yield from map(Literal, lasts[chain.name])
 
     def happening(self, number: int, event: Atom) -> Happening:
-        """The condition that an event is the next stage of some chain, with its parameters and the effects on the chain."""
+        """The condition that an event is the next stage of some chain, with its parameters and
+        the effects on the chain.
+        """
         if number:
             raise NotLiftable("several events in one operator")
         parameters = self._parameters()
@@ -109,16 +124,23 @@ class ChainCounters:
         return And((static, Literal(held.atom))), parameters, (held, *effects)
 
     def reachings(self) -> Iterator[Operator]:
-        """A step for each fluent that is a stage: it advances a chain whose next stage the fluent is, and holds."""
+        """A step for each fluent that is a stage: it advances a chain whose next stage the
+        fluent is, and holds.
+        """
         for name in self.fluents:
             own = tuple(
-                Parameter(self.fresh.variable("of"), type_) for type_ in self.background.signature(name)
+                Parameter(self.fresh.variable("of"), type_)
+                for type_ in self.background.signature(name)
             )
             parameters = self._parameters()
             fluent = Function(name, tuple(parameter.variable for parameter in own))
             arguments = (*fluent.arguments, *(parameter.variable for parameter in parameters))
             moves = self._moves(parameters)
-            held = Literal(Function(f"_stage_{name}", arguments)), Literal(fluent), Literal(moves[0].atom)
+            held = (
+                Literal(Function(f"_stage_{name}", arguments)),
+                Literal(fluent),
+                Literal(moves[0].atom),
+            )
             yield Operator(f"{REACH}_{name}", (*own, *parameters), And(held), moves, cost=Number(0))
 
     def _parameters(self) -> tuple[Parameter, ...]:
@@ -127,4 +149,6 @@ class ChainCounters:
 
     def _moves(self, parameters: tuple[Parameter, ...]) -> tuple[Effect, Effect]:
         chain, before, after = (parameter.variable for parameter in parameters)
-        return Effect(Function(REACHED, (chain, before)), False), Effect(Function(REACHED, (chain, after)))
+        return Effect(Function(REACHED, (chain, before)), False), Effect(
+            Function(REACHED, (chain, after))
+        )

@@ -38,9 +38,13 @@ def _plan_of_instances(instances: list[Function], task: GroundTask) -> Plan:
 class LiftedPlans:
     """Plans for a lifted export."""
 
-    def __init__(self, flat: FlatProblem, names: PddlNames, problem: Problem, task: GroundTask) -> None:
+    def __init__(
+        self, flat: FlatProblem, names: PddlNames, problem: Problem, task: GroundTask
+    ) -> None:
         self.names, self.problem, self.task = names, problem, task
-        self.operators = {names.of("action", origin.operator.name): origin for origin in flat.origins}
+        self.operators = {
+            names.of("action", origin.operator.name): origin for origin in flat.origins
+        }
         self.others = {
             names.of("action", flat_operator.name)
             for flat_operator in flat.operators
@@ -49,7 +53,9 @@ class LiftedPlans:
         self.terms = {names.term(term): term for term in flat.objects}
 
     def read(self, text: str, name: str) -> Plan:
-        """The plan in `text`, without the steps that only move chains: they are no operators of the problem."""
+        """The plan in `text`, without the steps that only move chains: they are no operators of
+        the problem.
+        """
         file, diagnostics, instances = File.of(name, text), list[Diagnostic](), list[Function]()
         for words, offset in plan_actions(text):
             if words[0] not in self.others:
@@ -69,7 +75,9 @@ class LiftedPlans:
             parameter.type != "int" for parameter in operator.operator.parameters
         )  # a cost is not an argument
         if len(words) != count + 1:
-            return Diagnostic(where, "K102", f"{words[0]} takes {count} arguments, not {len(words) - 1}")
+            return Diagnostic(
+                where, "K102", f"{words[0]} takes {count} arguments, not {len(words) - 1}"
+            )
         if unknown := [word for word in words[1:] if word not in self.terms]:
             hint = nearest_hint(unknown[0], list(self.terms))
             return Diagnostic(where, "K101", f"unknown object '{unknown[0]}'", hint)
@@ -77,8 +85,12 @@ class LiftedPlans:
         return Function(operator.operator.name, tuple(terms))
 
     def written(self, plan: Plan) -> str:
-        """The steps of the plan in order, each with all arguments of its action, and behind it what moves chains then."""
-        by_name = {flat_operator.operator.name: flat_operator for flat_operator in self.operators.values()}
+        """The steps of the plan in order, each with all arguments of its action, and behind it
+        what moves chains then.
+        """
+        by_name = {
+            flat_operator.operator.name: flat_operator for flat_operator in self.operators.values()
+        }
         steps = iter(plan.steps)
         lines: list[str] = []
         for operator in _ground_operators(plan, self.task):
@@ -87,7 +99,9 @@ class LiftedPlans:
                 continue
             step = next(steps)
             lines += self._beginnings(operator)
-            words = self._arguments(by_name[step.operator.name], step, set(self.task.names(operator.adds)))
+            words = self._arguments(
+                by_name[step.operator.name], step, set(self.task.names(operator.adds))
+            )
             lines.append(self._line(step.operator.name, words))
         return "".join(f"({line})\n" for line in lines)
 
@@ -105,14 +119,18 @@ class LiftedPlans:
         """The step that moves a chain where a fluent holds."""
         name, count = operator.instance.arguments
         assert isinstance(count, Number)
-        chain = next(named_chain for named_chain in self.problem.chains if Text(named_chain.name) == name)
+        chain = next(
+            named_chain for named_chain in self.problem.chains if Text(named_chain.name) == name
+        )
         stage = chain.stages[count.value - 1]
         fluent = next(a for a in self.task.names(operator.preconditions) if reaches_stage(a, stage))
         place = (chain_object(chain), Number(count.value - 1), count)
         return self._line(f"{REACH}_{stage.name}", (*fluent.arguments, *place))
 
     def _arguments(self, operator: FlatOperator, step: Step, reached: Set[Atom]) -> Iterator[Term]:
-        """The arguments of an action; `reached` are the atoms that the step makes true, stages of chains among them."""
+        """The arguments of an action; `reached` are the atoms that the step makes true, stages
+        of chains among them.
+        """
         yield from step.operator.arguments
         variables = operator.operator.variables
         bindings: dict[Variable, Term] = dict(zip(variables, step.operator.arguments, strict=False))
@@ -126,7 +144,10 @@ class LiftedPlans:
 
 
 def _ground_operators(plan: Plan, task: GroundTask) -> list[GroundOperator]:
-    """The ground operators of a plan's steps, with the internal ones that move chains. Raises `ValueError`."""
+    """The ground operators of a plan's steps, with the internal ones that move chains.
+
+    Raises `ValueError`.
+    """
     replayed_operators = replay_instances(
         task, operators_by_instance(task), task.initial, [step.operator for step in plan.steps]
     )
@@ -143,13 +164,17 @@ class GroundPlans:
     task: GroundTask
 
     def read(self, text: str, name: str) -> Plan:
-        """The plan in `text`, without the steps that only the compiled goal needs: they are no operators of the problem."""
+        """The plan in `text`, without the steps that only the compiled goal needs: they are no
+        operators of the problem.
+        """
         file, diagnostics, instances = File.of(name, text), list[Diagnostic](), list[Function]()
         for words, offset in plan_actions(text):
             operator = self.actions.get(" ".join(words))
             if operator is None:
                 hint = nearest_hint(words[0], list(self.actions))
-                diagnostics.append(Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint))
+                diagnostics.append(
+                    Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint)
+                )
             elif not operator.instance.name.startswith("_"):
                 instances.append(operator.instance)
         if diagnostics:
@@ -157,14 +182,21 @@ class GroundPlans:
         return _plan_of_instances(instances, self.task)
 
     def written(self, plan: Plan) -> str:
-        """The steps of the plan in order. Of several operators for one instance, it takes an applicable one that gets furthest."""
+        """The steps of the plan in order.
+
+        Of several operators for one instance, it takes an applicable one that gets furthest.
+        """
         names = {operator: name for name, operator in self.actions.items()}
         operators = _ground_operators(plan, self.task)
         state = self.task.initial
         for operator in operators:
             state = self.task.after(state, operator)
-        for operator in self.task.operators:  # those that close the plan and note which goals are met
-            if operator.instance.name in ("_ends", "_meets") and not operator.preconditions & ~state:
+        # those that close the plan and note which goals are met
+        for operator in self.task.operators:
+            if (
+                operator.instance.name in ("_ends", "_meets")
+                and not operator.preconditions & ~state
+            ):
                 operators.append(operator)
                 state = self.task.after(state, operator)
         return "".join(f"({names[operator]})\n" for operator in operators)

@@ -5,7 +5,11 @@ from dataclasses import dataclass, field
 
 import networkx as nx
 
-from cellwright.engine.formats.interop.pddl.export.background import Background, FreshVariables, NotLiftable
+from cellwright.engine.formats.interop.pddl.export.background import (
+    Background,
+    FreshVariables,
+    NotLiftable,
+)
 from cellwright.kb.model.condition_forms import bind_variables
 from cellwright.kb.model.conditions import (
     ALWAYS_TRUE,
@@ -41,7 +45,8 @@ from cellwright.kb.terms import (
 class Equations:
     """A pattern matched against terms with variables of their own.
 
-    `bindings` belong to the variables of the pattern. `open` holds the equations that depend on the other variables.
+    `bindings` belong to the variables of the pattern. `open` holds the equations that depend on the
+    other variables.
     """
 
     bindings: dict[Variable, Term] = field(default_factory=dict)
@@ -84,7 +89,10 @@ class FlatLocals:
 
 
 class Conditions:
-    """Translates conditions. It notes which functions need a relation and which derived predicates remain."""
+    """Translates conditions.
+
+    It notes which functions need a relation and which derived predicates remain.
+    """
 
     def __init__(self, background: Background) -> None:
         self.background, self.fresh = background, FreshVariables()
@@ -95,7 +103,10 @@ class Conditions:
         self.recursive = frozenset(_recursive_predicates(background.domain.rules))
 
     def flat(self, condition: Condition, outer: Mapping[Term, Variable] = {}) -> Condition:
-        """The condition in flat terms. `outer` holds the compound terms that already have a variable."""
+        """The condition in flat terms.
+
+        `outer` holds the compound terms that already have a variable.
+        """
         match condition:
             case Literal(atom, positive):
                 return self._literal(atom, positive, outer)
@@ -111,10 +122,15 @@ class Conditions:
             case Exists(parameters, part):
                 return self.some(parameters, self.flat(part, outer))
             case ForAll(parameters, part):
-                return negate_condition(self.some(parameters, negate_condition(self.flat(part, outer))))
+                return negate_condition(
+                    self.some(parameters, negate_condition(self.flat(part, outer)))
+                )
 
     def some(self, parameters: Iterable[Parameter], part: Condition) -> Condition:
-        """The condition that `part` holds for some binding. Types that PDDL cannot declare become conditions."""
+        """The condition that `part` holds for some binding.
+
+        Types that PDDL cannot declare become conditions.
+        """
         parameters = tuple(parameters)
         if part == FALSE_CONDITION or not parameters:
             return part
@@ -130,7 +146,9 @@ class Conditions:
         shared = parameter.type in self.background.shared
         return [Literal(Function(parameter.type, (parameter.variable,)))] if shared else []
 
-    def term(self, term: Term, type_: str, local_terms: FlatLocals, outer: Mapping[Term, Variable]) -> Term:
+    def term(
+        self, term: Term, type_: str, local_terms: FlatLocals, outer: Mapping[Term, Variable]
+    ) -> Term:
         """A flat term. New variables and the conditions that bind them are added to `found`."""
         if term == ANYTHING:
             fresh = self.fresh.variable("any")
@@ -143,14 +161,20 @@ class Conditions:
         known = outer.get(term) or local_terms.named.get(term)
         return known or self._named(term, local_terms, outer)
 
-    def _named(self, term: Function, local_terms: FlatLocals, outer: Mapping[Term, Variable]) -> Variable:
+    def _named(
+        self, term: Function, local_terms: FlatLocals, outer: Mapping[Term, Variable]
+    ) -> Variable:
         signature = self.background.domain.functions.get(term.name)
         types = signature.arguments if signature else (OBJECT_TYPE,) * len(term.arguments)
         pairs = zip(term.arguments, types, strict=True)
-        arguments = tuple(self.term(argument, type_, local_terms, outer) for argument, type_ in pairs)
+        arguments = tuple(
+            self.term(argument, type_, local_terms, outer) for argument, type_ in pairs
+        )
         fresh = self.fresh.variable(term.name)
         self.functions[(term.name, len(arguments))] = None
-        local_terms.parameters.append(Parameter(fresh, signature.result if signature else OBJECT_TYPE))
+        local_terms.parameters.append(
+            Parameter(fresh, signature.result if signature else OBJECT_TYPE)
+        )
         local_terms.relations.append(Literal(Function(f"_is_{term.name}", (*arguments, fresh))))
         if ANYTHING not in term_variables(term):
             local_terms.named[term] = fresh
@@ -160,7 +184,9 @@ class Conditions:
         """The atom with flat arguments."""
         types = self.background.signature(atom.name) or (OBJECT_TYPE,) * len(atom.arguments)
         pairs = zip(atom.arguments, types, strict=True)
-        return Function(atom.name, tuple(self.term(term, type_, local_terms, outer) for term, type_ in pairs))
+        return Function(
+            atom.name, tuple(self.term(term, type_, local_terms, outer) for term, type_ in pairs)
+        )
 
     def _literal(self, atom: Atom, positive: bool, outer: Mapping[Term, Variable]) -> Condition:
         local_terms = FlatLocals()
@@ -171,12 +197,16 @@ class Conditions:
         return inner if positive else negate_condition(inner)
 
     def plain(self, atom: Atom) -> Condition:
-        """A flat atom as a condition: a ground static atom is evaluated; a derived atom is unfolded, unless it is recursive."""
+        """A flat atom as a condition: a ground static atom is evaluated; a derived atom is
+        unfolded, unless it is recursive.
+        """
         if self.background.is_static(atom.name) and all(map(is_ground, atom.arguments)):
             return ALWAYS_TRUE if atom in self.background.known else FALSE_CONDITION
         if atom.name in self.recursive or atom.name not in self._derived:
             return Literal(atom)
-        return disjoin_conditions(self.body(rule, atom.arguments) for rule in self._rules.get(atom.name, []))
+        return disjoin_conditions(
+            self.body(rule, atom.arguments) for rule in self._rules.get(atom.name, [])
+        )
 
     def fluents_behind(self, name: str) -> set[str]:
         """The fluents on which a recursive derived predicate depends."""
@@ -192,20 +222,32 @@ class Conditions:
             }
             waiting += sorted(used - reached)
             reached |= used
-        return {predicate for predicate in reached if self.background.kinds.get(predicate) is Kind.FLUENT}
+        return {
+            predicate
+            for predicate in reached
+            if self.background.kinds.get(predicate) is Kind.FLUENT
+        }
 
     @property
     def _derived(self) -> frozenset[str]:
-        return frozenset(name for name, kind in self.background.kinds.items() if kind is Kind.DERIVED)
+        return frozenset(
+            name for name, kind in self.background.kinds.items() if kind is Kind.DERIVED
+        )
 
     def body(self, rule: Rule, arguments: tuple[Term, ...]) -> Condition:
-        """The condition under which a rule makes its head true for flat arguments, with some binding of its other variables."""
-        own = {v for term in (rule.head, *_body_terms(rule.body)) for v in term_variables(term)} - {ANYTHING}
+        """The condition under which a rule makes its head true for flat arguments, with some
+        binding of its other variables.
+        """
+        own = {v for term in (rule.head, *_body_terms(rule.body)) for v in term_variables(term)} - {
+            ANYTHING
+        }
         apart = {variable: self.fresh.variable(variable.name) for variable in sorted(own, key=str)}
         types = {apart[v]: type_ for v, type_ in self.inferred(rule.body).items() if v in apart}
         equations = Equations()
         head = (substitute_term(term, apart) for term in rule.head.arguments)
-        if not all([equations.add(term, value) for term, value in zip(head, arguments, strict=True)]):
+        if not all(
+            [equations.add(term, value) for term, value in zip(head, arguments, strict=True)]
+        ):
             return FALSE_CONDITION
         parts = [bind_variables(part, apart) for part in rule.body]
         bound = equations.bindings
@@ -218,7 +260,8 @@ class Conditions:
             if v in types and types[v] in self.background.domain.types and is_ground(value)
         ]
         return self.some(
-            [Parameter(v, types.get(v, OBJECT_TYPE)) for v in open_], conjoin_conditions([*guards, inner])
+            [Parameter(v, types.get(v, OBJECT_TYPE)) for v in open_],
+            conjoin_conditions([*guards, inner]),
         )
 
     def inferred(self, body: Iterable[BodyPart]) -> dict[Variable, str]:
@@ -226,7 +269,9 @@ class Conditions:
         types: dict[Variable, str] = {}
         for part in body:
             if isinstance(part, Literal) and part.positive:
-                for variable, type_ in self._positions(part.atom, self.background.signature(part.atom.name)):
+                for variable, type_ in self._positions(
+                    part.atom, self.background.signature(part.atom.name)
+                ):
                     if variable not in types or self.background.is_subtype(type_, types[variable]):
                         types[variable] = type_
         return types
@@ -235,7 +280,9 @@ class Conditions:
         for argument, type_ in zip(atom.arguments, types, strict=False):
             if isinstance(argument, Variable):
                 yield argument, type_
-            elif isinstance(argument, Function) and argument.name in self.background.domain.functions:
+            elif (
+                isinstance(argument, Function) and argument.name in self.background.domain.functions
+            ):
                 yield from self._positions(
                     argument, self.background.domain.functions[argument.name].arguments
                 )

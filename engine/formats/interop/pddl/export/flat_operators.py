@@ -67,7 +67,10 @@ class Closing:
         self.premises = premises_of(conditions, operator.precondition)
 
     def effects(self) -> Iterator[Effect]:
-        """The operator's effects on fluents, with everything that follows from them. Raises `NotLiftable`."""
+        """The operator's effects on fluents, with everything that follows from them.
+
+        Raises `NotLiftable`.
+        """
         waiting = [
             DeducedEffect(operator_effect)
             for operator_effect in self.operator.effects
@@ -81,11 +84,18 @@ class Closing:
                 continue
             seen.add(deduced.effect)
             yield deduced.effect
-            if deduced.effect.adds or deduced.behind or not self._restored(deduced.effect.atom, added):
+            if (
+                deduced.effect.adds
+                or deduced.behind
+                or not self._restored(deduced.effect.atom, added)
+            ):
                 waiting += self._consequences(deduced)
 
     def _restored(self, atom: Atom, added: set[Atom]) -> bool:
-        """Whether a deleted atom is added again, so that it has no consequences. Raises `NotLiftable` if this is not certain."""
+        """Whether a deleted atom is added again, so that it has no consequences.
+
+        Raises `NotLiftable` if this is not certain.
+        """
         triggers = {
             rule.trigger.atom.name
             for rule in self.background.domain.deductive_operators
@@ -112,9 +122,11 @@ class Closing:
                         yield DeducedEffect(following, (*deduced.behind, number))
 
     def _endings(self, effect: Effect) -> Iterator[Effect]:
-        """The atoms that an effect really ends: matching preconditions, or atoms that are true before.
+        """The atoms that an effect really ends: matching preconditions, or atoms that are true
+        before.
 
-        Every other atom that it denies is false before or ends without consequences: K302 checks that.
+        Every other atom that it denies is false before or ends without consequences: K302 checks
+        that.
         """
         if effect.atom.name in self.premises.unknown:
             were = conjoin_conditions([effect.condition, Literal(effect.atom)])
@@ -123,7 +135,9 @@ class Closing:
         for atom in self.premises.certain:
             yield from self._ended(effect, atom, (), ALWAYS_TRUE)
         for atom, parameters in self.premises.possible:
-            apart = {p.variable: self.conditions.fresh.variable(p.variable.name) for p in parameters}
+            apart = {
+                p.variable: self.conditions.fresh.variable(p.variable.name) for p in parameters
+            }
             renamed = tuple(Parameter(apart[p.variable], p.type) for p in parameters)
             atom = substitute_atom(atom, apart)
             yield from self._ended(effect, atom, renamed, Literal(atom))
@@ -140,15 +154,25 @@ class Closing:
         tests = [Comparison(a, "=", b) for a, b in (*others, *equations.open) if a != b]
         left = tuple(p for p in effect.parameters if p.variable not in bound)
         guards = self._guards(effect.parameters, bound)
-        condition = bind_variables(conjoin_conditions([*guards, *tests, effect.condition, held]), bound)
+        condition = bind_variables(
+            conjoin_conditions([*guards, *tests, effect.condition, held]), bound
+        )
         yield Effect(atom, False, (*left, *parameters), condition)
 
-    def _follows(self, start: Effect, rule: DeductiveOperator, consequence: Consequence) -> Effect | None:
+    def _follows(
+        self, start: Effect, rule: DeductiveOperator, consequence: Consequence
+    ) -> Effect | None:
         body = (*rule.body, *consequence.body)
-        typed = self.conditions.inferred(body) | {p.variable: p.type for p in consequence.parameters}
+        typed = self.conditions.inferred(body) | {
+            p.variable: p.type for p in consequence.parameters
+        }
         for variable in term_variables(consequence.atom):
             typed.setdefault(variable, "object")
-        apart = {v: self.conditions.fresh.variable(v.name) for v in sorted(typed, key=str) if v != ANYTHING}
+        apart = {
+            v: self.conditions.fresh.variable(v.name)
+            for v in sorted(typed, key=str)
+            if v != ANYTHING
+        }
         equations = Equations()
         if not equations.add(substitute_atom(rule.trigger.atom, apart), start.atom):
             return None
@@ -175,7 +199,10 @@ class Closing:
         return Function(atom.name, tuple(arguments)), tuple(extra)
 
     def _guards(
-        self, parameters: tuple[Parameter, ...], bound: Mapping[Variable, Term], start: Effect | None = None
+        self,
+        parameters: tuple[Parameter, ...],
+        bound: Mapping[Variable, Term],
+        start: Effect | None = None,
     ) -> list[Condition]:
         """Type conditions for bound variables, unless the types of their values imply them."""
         types = dict(self.types)
@@ -193,7 +220,11 @@ class Closing:
     def _type(self, term: Term, types: Mapping[Variable, str]) -> str:
         if isinstance(term, Variable):
             return types.get(term, "object")
-        if isinstance(term, Function) and term.arguments and term.name in self.background.domain.functions:
+        if (
+            isinstance(term, Function)
+            and term.arguments
+            and term.name in self.background.domain.functions
+        ):
             return self.background.domain.functions[term.name].result
         return "object"
 
@@ -202,8 +233,8 @@ class Closing:
 class Premises:
     """What the precondition of an operator says about the state before its effects.
 
-    The `certain` atoms were true. The `possible` atoms may have been true; they come with the types of their variables. Any
-    atom of the predicates in `unknown` may have been true.
+    The `certain` atoms were true. The `possible` atoms may have been true; they come with the types
+    of their variables. Any atom of the predicates in `unknown` may have been true.
     """
 
     certain: tuple[Atom, ...]
@@ -216,7 +247,9 @@ def premises_of(conditions: Conditions, precondition: Condition) -> Premises:
     kinds = conditions.background.kinds
     certain, others = [], []
     for part in goal_parts(precondition):
-        plain = isinstance(part, Literal) and part.positive and kinds.get(part.atom.name) is Kind.FLUENT
+        plain = (
+            isinstance(part, Literal) and part.positive and kinds.get(part.atom.name) is Kind.FLUENT
+        )
         if plain and isinstance(part, Literal) and ANYTHING not in term_variables(part.atom):
             certain.append(part.atom)
         else:
@@ -273,7 +306,9 @@ class OperatorFlattener:
         self.instances: dict[str, dict[Function, int]] = {}
         for operator in self.background.task.operators:
             self.instances.setdefault(operator.instance.name, {})[operator.instance] = operator.cost
-        self.priced = any(operator.cost is not None for operator in self.background.domain.operators)
+        self.priced = any(
+            operator.cost is not None for operator in self.background.domain.operators
+        )
 
     def flat(self, operator: Operator) -> FlatOperator:
         """The operator in a form that PDDL can express. Raises `NotLiftable`."""
@@ -284,10 +319,17 @@ class OperatorFlattener:
         events = tuple(
             e.atom for e in operator.effects if self.background.kinds.get(e.atom.name) is Kind.EVENT
         )
-        if any(e.atom in events and (e.parameters or e.condition != ALWAYS_TRUE) for e in operator.effects):
+        if any(
+            e.atom in events and (e.parameters or e.condition != ALWAYS_TRUE)
+            for e in operator.effects
+        ):
             raise NotLiftable(f"events of {operator.name} that happen under conditions")
         named = [self.stages.happening(number, event) for number, event in enumerate(events)]
-        parameters = (*operator.parameters, *local_terms.parameters, *(p for _, own, _ in named for p in own))
+        parameters = (
+            *operator.parameters,
+            *local_terms.parameters,
+            *(p for _, own, _ in named for p in own),
+        )
         static, dynamic = self._constraints(operator, events)
         precondition = conjoin_conditions(
             [
@@ -313,12 +355,20 @@ class OperatorFlattener:
         return FlatOperator(flat, len(operator.parameters), outer, events)
 
     def _hoist(self, operator: Operator, local_terms: FlatLocals) -> None:
-        """Parameters for the compound terms that every instance needs, in its preconditions and adds."""
-        atoms = [p.atom for p in goal_parts(operator.precondition) if isinstance(p, Literal) and p.positive]
+        """Parameters for the compound terms that every instance needs, in its preconditions and
+        adds.
+        """
+        atoms = [
+            p.atom
+            for p in goal_parts(operator.precondition)
+            if isinstance(p, Literal) and p.positive
+        ]
         kinds = self.background.kinds
         atoms = [atom for atom in atoms if kinds.get(atom.name) is Kind.FLUENT]
         atoms += [
-            e.atom for e in operator.effects if e.adds and not e.parameters and e.condition == ALWAYS_TRUE
+            e.atom
+            for e in operator.effects
+            if e.adds and not e.parameters and e.condition == ALWAYS_TRUE
         ]
         for atom in atoms:
             if ANYTHING not in term_variables(atom):
@@ -327,14 +377,18 @@ class OperatorFlattener:
     def _constraints(
         self, operator: Operator, events: Iterable[Atom]
     ) -> tuple[list[Condition], list[Condition]]:
-        """The static constraints, as literals or as a table of the possible instances, and the other constraints."""
+        """The static constraints, as literals or as a table of the possible instances, and the
+        other constraints.
+        """
         header = set(operator.variables)
         static, dynamic = list[Condition](operator.body), list[Condition]()
         for part in goal_parts(operator.precondition):
             (static if self._is_static(part) else dynamic).append(part)
         bound = {v for event in events for v in term_variables(event)}
         loose = [p for p in operator.parameters if p.type in (*NUMERIC_TYPES, "text")]
-        if all(_is_sayable(part, header) for part in static) and all(p.variable in bound for p in loose):
+        if all(_is_sayable(part, header) for part in static) and all(
+            p.variable in bound for p in loose
+        ):
             return static, dynamic
         used = {v for part in static for v in free_variables(part)} | {p.variable for p in loose}
         columns = [place for place, v in enumerate(operator.variables) if v in used]
@@ -362,7 +416,9 @@ class OperatorFlattener:
             [*guards, *local_terms.relations, self.conditions.flat(effect.condition, outer)]
         )
         if condition != FALSE_CONDITION:
-            yield Effect(atom, effect.adds, tuple(map(self.conditions.declared, parameters)), condition)
+            yield Effect(
+                atom, effect.adds, tuple(map(self.conditions.declared, parameters)), condition
+            )
 
     def _cost(self, operator: Operator) -> tuple[tuple[BodyPart, ...], Term | None]:
         """The cost of an instance: a number, or a table over the parameters that determine it."""
@@ -376,7 +432,9 @@ class OperatorFlattener:
             row = tuple(instance.arguments[place] for place in columns)
             self.facts[Function(f"_cost_{operator.name}", (*row, Number(cost)))] = None
         chosen = tuple(operator.variables[place] for place in columns)
-        return (Literal(Function(f"_cost_{operator.name}", (*chosen, COST_VARIABLE))),), COST_VARIABLE
+        return (
+            Literal(Function(f"_cost_{operator.name}", (*chosen, COST_VARIABLE))),
+        ), COST_VARIABLE
 
 
 def _is_sayable(part: Condition, header: set[Variable]) -> bool:

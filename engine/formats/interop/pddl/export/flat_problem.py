@@ -6,7 +6,12 @@ With fewer conditional effects, more planners and heuristics accept the export.
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from cellwright.engine.formats.interop.pddl.export.background import CHAIN, NUMERAL, WORDS, Background
+from cellwright.engine.formats.interop.pddl.export.background import (
+    CHAIN,
+    NUMERAL,
+    WORDS,
+    Background,
+)
 from cellwright.engine.formats.interop.pddl.export.chain_counters import BEGIN, REACH, ChainCounters
 from cellwright.engine.formats.interop.pddl.export.flat_conditions import (
     FALSE_CONDITION,
@@ -15,7 +20,10 @@ from cellwright.engine.formats.interop.pddl.export.flat_conditions import (
     disjoin_conditions,
     negate_condition,
 )
-from cellwright.engine.formats.interop.pddl.export.flat_operators import FlatOperator, OperatorFlattener
+from cellwright.engine.formats.interop.pddl.export.flat_operators import (
+    FlatOperator,
+    OperatorFlattener,
+)
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.kb.model.conditions import (
     ALWAYS_TRUE,
@@ -47,7 +55,9 @@ class Simplifier:
         """The operator with simpler conditions; effects that cannot happen are dropped."""
         scope = _scope_inside({}, operator.parameters)
         added = {
-            e.atom for e in operator.effects if e.adds and not e.parameters and e.condition == ALWAYS_TRUE
+            e.atom
+            for e in operator.effects
+            if e.adds and not e.parameters and e.condition == ALWAYS_TRUE
         }
         effects = (self._effect(_without_exceptions(e, added), scope) for e in operator.effects)
         return replace(
@@ -58,11 +68,14 @@ class Simplifier:
 
     def _effect(self, effect: Effect, scope: Scope) -> Effect:
         return replace(
-            effect, condition=self.condition(effect.condition, _scope_inside(scope, effect.parameters))
+            effect,
+            condition=self.condition(effect.condition, _scope_inside(scope, effect.parameters)),
         )
 
     def condition(self, condition: Condition, scope: Scope) -> Condition:
-        """An equivalent condition without type conditions that the declared types of its variables imply."""
+        """An equivalent condition without type conditions that the declared types of its
+        variables imply.
+        """
         match condition:
             case Literal(Function(name, (Variable() as variable,)), positive):
                 return (
@@ -95,15 +108,22 @@ class Simplifier:
 
 
 def _without_exceptions(effect: Effect, added: Collection[Atom]) -> Effect:
-    """The same delete without exceptions. That is safe for atoms that are always added, because PDDL adds after it deletes."""
+    """The same delete without exceptions.
+
+    That is safe for atoms that are always added, because PDDL adds after it deletes.
+    """
     if effect.adds:
         return effect
     own = {parameter.variable for parameter in effect.parameters}
-    kept = (p for p in goal_parts(effect.condition) if not _is_exception(p, effect.atom, own, added))
+    kept = (
+        p for p in goal_parts(effect.condition) if not _is_exception(p, effect.atom, own, added)
+    )
     return replace(effect, condition=conjoin_conditions(kept))
 
 
-def _is_exception(part: Condition, atom: Atom, own: Collection[Variable], added: Collection[Atom]) -> bool:
+def _is_exception(
+    part: Condition, atom: Atom, own: Collection[Variable], added: Collection[Atom]
+) -> bool:
     """Whether a condition excludes a value for which the atom is among the added ones."""
     match part:
         case Not(Comparison(left, "=", right)):
@@ -133,7 +153,8 @@ class DerivedRule:
 
 @dataclass(frozen=True, slots=True)
 class FlatProblem:
-    """The content of an export: types with parents, objects with types, operators, axioms, facts and the goal.
+    """The content of an export: types with parents, objects with types, operators, axioms, facts
+    and the goal.
 
     `comments` say what the PDDL leaves out.
     """
@@ -169,9 +190,13 @@ def flatten_problem(problem: Problem, task: GroundTask) -> FlatProblem:
         *stages.beginnings(),
     )
     axioms = tuple(_derived_rules(conditions, simplifier))
-    goal = simplifier.condition(conjoin_conditions([conditions.flat(problem.goal), *stages.goals()]), {})
+    goal = simplifier.condition(
+        conjoin_conditions([conditions.flat(problem.goal), *stages.goals()]), {}
+    )
     names = frozenset(
-        _used_predicates([*_all_conditions(all_operators), *(axiom.condition for axiom in axioms), goal])
+        _used_predicates(
+            [*_all_conditions(all_operators), *(axiom.condition for axiom in axioms), goal]
+        )
     )
     facts = dict.fromkeys((*operators.facts, *stages.facts(), *stages.initial(), *stages.waiting()))
     facts |= dict.fromkeys(_relation_facts(conditions, background))
@@ -194,7 +219,8 @@ def flatten_problem(problem: Problem, task: GroundTask) -> FlatProblem:
         axioms,
         tuple(facts),
         goal,
-        operators.priced or any(operator.name.startswith((BEGIN, REACH)) for operator in all_operators),
+        operators.priced
+        or any(operator.name.startswith((BEGIN, REACH)) for operator in all_operators),
         origins,
         tuple(_left_out(problem)),
     )
@@ -202,7 +228,9 @@ def flatten_problem(problem: Problem, task: GroundTask) -> FlatProblem:
 
 def _declared_types(background: Background) -> dict[str, str]:
     parents = {
-        name: background.plain(type_.parent) if type_.parent in background.domain.types else OBJECT_TYPE
+        name: background.plain(type_.parent)
+        if type_.parent in background.domain.types
+        else OBJECT_TYPE
         for name, type_ in background.domain.types.items()
         if name not in background.shared
     }
@@ -272,4 +300,7 @@ def _used_constants(
 def _left_out(problem: Problem) -> Iterator[str]:
     timed = [operator for operator in problem.domain.operators if operator.duration is not None]
     if timed:
-        yield f"durations and resources are left out: {', '.join(operator.name for operator in timed)}"
+        yield (
+            "durations and resources are left out: "
+            f"{', '.join(operator.name for operator in timed)}"
+        )

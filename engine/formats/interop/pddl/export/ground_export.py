@@ -50,7 +50,9 @@ class NumericFluents:
     @property
     def values(self) -> list[str]:
         """What the functions are at the start."""
-        return [f"(= {self._function(level)} {level.of(self._task.initial)})" for level in self.levels]
+        return [
+            f"(= {self._function(level)} {level.of(self._task.initial)})" for level in self.levels
+        ]
 
     def comparison(self, atom: int) -> str | None:
         """The condition for an atom that compares quantities; None for any other atom."""
@@ -89,7 +91,10 @@ class NumericFluents:
 
 
 class GroundWriter:
-    """Writes one ground task. Negative conditions become separate atoms, unless there are conditional effects or axioms."""
+    """Writes one ground task.
+
+    Negative conditions become separate atoms, unless there are conditional effects or axioms.
+    """
 
     def __init__(self, name: str, task: GroundTask) -> None:
         self.name, self.task, self.names = name, task, PddlNames()
@@ -115,7 +120,9 @@ class GroundWriter:
         requirements = [":strips"]
         requirements += [] if self.plain else [":negative-preconditions"]
         requirements += [":conditional-effects"] if self.conditional else []
-        requirements += [":disjunctive-preconditions"] if len(self.task.goals) > 1 or self.rules else []
+        requirements += (
+            [":disjunctive-preconditions"] if len(self.task.goals) > 1 or self.rules else []
+        )
         requirements += [":derived-predicates"] if self.rules else []
         requirements += [":numeric-fluents"] if self.sums.levels else []
         functions = [*(["(total-cost)"] if self.priced else []), *self.sums.functions]
@@ -123,7 +130,8 @@ class GroundWriter:
         parts = [
             f"(define (domain {self.names.of('domain', self.name)})",
             f"  (:requirements {' '.join(requirements)})",
-            f"  (:predicates {self._all((1 << len(self.task.atoms)) - 1)}{'' if self.task.goals else self._never})",
+            "  (:predicates "
+            f"{self._all((1 << len(self.task.atoms)) - 1)}{'' if self.task.goals else self._never})",
             *([f"  (:functions {' '.join(functions)} - number)"] if functions else []),
             *self._derived(),
             *(self._action(name, operator) for name, operator in self.actions.items()),
@@ -132,9 +140,13 @@ class GroundWriter:
 
     def problem(self) -> str:
         """The problem file."""
-        goals = [f"(and {self._conditions(goal)})" for goal in self.task.goals] or [f"(and{self._never})"]
+        goals = [f"(and {self._conditions(goal)})" for goal in self.task.goals] or [
+            f"(and{self._never})"
+        ]
         derived = self.task.axioms.derived if self.task.axioms else 0
-        facts = self._all(self.task.initial & ~derived) + (" (= (total-cost) 0)" if self.priced else "")
+        facts = self._all(self.task.initial & ~derived) + (
+            " (= (total-cost) 0)" if self.priced else ""
+        )
         facts = " ".join([facts, *self.sums.values])
         parts = [
             f"(define (problem {self.names.of('problem', self.name)})",

@@ -30,7 +30,8 @@ class LiftedWriter:
     names: PddlNames = field(default_factory=PddlNames)
 
     def __post_init__(self) -> None:
-        for operator in self.flat.operators:  # operators get the simplest names, because plans show them
+        # operators get the simplest names, because plans show them
+        for operator in self.flat.operators:
             self.names.of("action", operator.name)
         for term in self.flat.objects:
             self.names.term(term)
@@ -68,7 +69,8 @@ class LiftedWriter:
             f"  (:domain {self.names.of('domain', flat.domain)})",
             *_section_lines(":objects", list(self._objects(others))),
             *(_section_lines(":init", sorted(facts)) or ["  (:init)"]),
-            f"  (:goal {self._condition(flat.goal, Variables(), 4) if flat.goal != ALWAYS_TRUE else '(and)'})",
+            "  (:goal "
+            f"{self._condition(flat.goal, Variables(), 4) if flat.goal != ALWAYS_TRUE else '(and)'})",
             *(["  (:metric minimize (total-cost))"] if flat.priced else []),
         ]
         return "\n".join(parts) + ")\n"
@@ -102,7 +104,9 @@ class LiftedWriter:
     def _use(self, atom: Atom, types: Mapping[Variable, str]) -> None:
         """Widen the argument types of a predicate to include the arguments of an atom."""
         terms = [
-            types.get(a, OBJECT_TYPE) if isinstance(a, Variable) else self.flat.objects.get(a, OBJECT_TYPE)
+            types.get(a, OBJECT_TYPE)
+            if isinstance(a, Variable)
+            else self.flat.objects.get(a, OBJECT_TYPE)
             for a in atom.arguments
         ]
         known = self._positions.get(atom.name)
@@ -148,7 +152,9 @@ class LiftedWriter:
         needed[":existential-preconditions"] = Exists in kinds
         needed[":universal-preconditions"] = ForAll in kinds
         effects = [effect for operator in self.flat.operators for effect in operator.effects]
-        needed[":conditional-effects"] = any(e.parameters or e.condition != ALWAYS_TRUE for e in effects)
+        needed[":conditional-effects"] = any(
+            e.parameters or e.condition != ALWAYS_TRUE for e in effects
+        )
         needed[":derived-predicates"] = bool(self.flat.axioms)
         needed[":action-costs"] = self.flat.priced
         return [name for name, wanted in needed.items() if wanted]
@@ -174,7 +180,9 @@ class LiftedWriter:
             yield from (p.type for effect in operator.effects for p in effect.parameters)
 
     def _objects(self, terms: Iterable[Term]) -> Iterator[str]:
-        return (f"{self.names.term(term)} - {self._type(self.flat.objects[term])}" for term in terms)
+        return (
+            f"{self.names.term(term)} - {self._type(self.flat.objects[term])}" for term in terms
+        )
 
     def _predicates(self) -> Iterator[str]:
         for name, types in self._positions.items():
@@ -220,7 +228,9 @@ class LiftedWriter:
                 return equal if relation == "=" else f"(not {equal})"
             case And(parts) | Or(parts):
                 word = "and" if isinstance(condition, And) else "or"
-                return _block_lines(word, [self._condition(part, scope, deeper) for part in parts], margin)
+                return _block_lines(
+                    word, [self._condition(part, scope, deeper) for part in parts], margin
+                )
             case Not(part):
                 return f"(not {self._condition(part, scope, margin)})"
             case Exists(parameters, part) | ForAll(parameters, part):
@@ -232,7 +242,8 @@ class LiftedWriter:
 
     def _action(self, operator: Operator) -> str:
         scope = Variables()
-        parameters = [p for p in operator.parameters if p.type != "int"]  # a cost is not an argument
+        # a cost is not an argument
+        parameters = [p for p in operator.parameters if p.type != "int"]
         effects = [self._effect(effect, scope) for effect in operator.effects]
         effects += [self._price(operator, scope)] if self.flat.priced else []
         said = self._parameters(parameters, scope)
