@@ -204,12 +204,9 @@ def plan_of(source: "Planned | str | PathLike[str]") -> "tuple[Problem, Plan, Cl
 
         return *claimed_in(Path(source)), fspath(source)
     if source.plan is None:
+        reason = source.outcome.reason  # type: ignore[union-attr]
         raise InvalidInput(
-            [
-                Diagnostic(
-                    Where(source.problem.name), "K404", "there is no plan", source.outcome.reason
-                )
-            ]  # type: ignore[union-attr]
+            [Diagnostic(Where(source.problem.name), "K404", "there is no plan", reason)]
         )
     from cellwright.kb.model.plan_model import Claims
 

@@ -79,8 +79,8 @@ class SharedTexts:
         own = (outlines.c.cost, outlines.c.depends, outlines.c.requirements)
         asked = select(*columns, *own, *figures).join_from(macrops, outlines).outerjoin(usage)
         rows: list[tuple[Any, ...]] = [
-            *connection.execute(asked.where(where).order_by(macrops.c.id))
-        ]  # type: ignore[arg-type]
+            *connection.execute(asked.where(where).order_by(macrops.c.id))  # type: ignore[arg-type]
+        ]
         with _damage_told():
             self._meet(connection, rows)
             return [self._outline(*row) for row in rows]

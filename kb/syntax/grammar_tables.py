@@ -23,7 +23,8 @@ def load_parser(grammar: Path, starts: Sequence[str]) -> Lark:
     tables = _ready_tables(text, starts)
     if tables is None:
         return build_parser(text, starts)
-    return Lark._load_from_dict(tables["data"], tables["memo"])  # type: ignore[no-untyped-call]
+    parser: Lark = Lark._load_from_dict(tables["data"], tables["memo"])  # type: ignore[no-untyped-call]
+    return parser
 
 
 def build_parser(grammar: str, starts: Sequence[str]) -> Lark:

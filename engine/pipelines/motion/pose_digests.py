@@ -13,7 +13,7 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.model.part_measurements import Box
+from cellwright.engine.model.arm_poses import Box
 from cellwright.engine.pipelines.motion.cell_state import CellState
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses

@@ -7,8 +7,8 @@ import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import apply, inverse
+from cellwright.engine.model.arm_poses import Box
 from cellwright.engine.model.geometry import Solid
-from cellwright.engine.model.part_measurements import Box
 from cellwright.engine.model.vision import PixelWindow, RangeImage, Vague, picture_of
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses

@@ -236,8 +236,9 @@ class EffectTranslator:
             p.variable: self.conditions.fresh(p.variable.name) for p in second.parameters
         }
         renamed = tuple(
-            Parameter(v, p.type) for p, v in zip(second.parameters, apart.values(), strict=True)
-        )  # type: ignore[arg-type]
+            Parameter(variable, parameter.type)  # type: ignore[arg-type]
+            for parameter, variable in zip(second.parameters, apart.values(), strict=True)
+        )
         place, value = substitute_atom(second.place, apart), substitute_term(second.value, apart)
         same = (
             Comparison(a, "=", b)
