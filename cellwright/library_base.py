@@ -174,6 +174,7 @@ class Deadline:
     """
 
     def __init__(self, seconds: float | None) -> None:
+        self.seconds = seconds
         self.ends = None if seconds is None else time.monotonic() + seconds
         self.told = False
 

@@ -113,7 +113,7 @@ def plan(
     motion: bool = False,
     store: Name = "",
     seconds: float | None = None,
-    expansions: int = 1_000_000,
+    expansions: int | None = None,
     seed: int = 0,
 ) -> Planned:
     """Plan for a target, in words or goals. The checker has accepted every plan that is returned.
@@ -157,18 +157,17 @@ def plan(
 
 
 def _planning_limits(
-    over: Deadline, expansions: int, strategy: str, thorough: bool, seed: int
+    over: Deadline, expansions: int | None, strategy: str, thorough: bool, seed: int
 ) -> "SearchLimits":
-    from cellwright.engine.stages.planning import RACE, STRATEGIES, SearchLimits
+    from cellwright.engine.stages.planning import RACE, STRATEGIES, SearchLimits, expansions_within
     from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 
     if strategy not in (*STRATEGIES, RACE):
         raise InvalidInput(
             [unknown_name("strategy", strategy, {*STRATEGIES, RACE}, Source("strategy"))]
         )
-    return SearchLimits(
-        expansions, interrupted=over, thorough=thorough, strategy=strategy, seed=seed
-    )
+    most = expansions_within(expansions, over.seconds)
+    return SearchLimits(most, interrupted=over, thorough=thorough, strategy=strategy, seed=seed)
 
 
 def plan_motions_of(
@@ -314,7 +313,7 @@ def revise(
     lost: str = "",
     both: bool = False,
     seconds: float | None = None,
-    expansions: int = 1_000_000,
+    expansions: int | None = None,
     seed: int = 0,
 ) -> Revised:
     """Repair a plan for what was observed, or replan, whichever is cheaper; with `both`, always try
@@ -325,11 +324,11 @@ def revise(
     """
     from cellwright.engine.pipelines.recovery.observations import revised_now
     from cellwright.engine.pipelines.recovery.replanning import plan_in_sequence
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
 
     with limit_seconds(seconds) as over:
         problem, old_plan, _, _ = plan_of(plan)
-        limits = SearchLimits(expansions, interrupted=over, seed=seed)
+        limits = SearchLimits(expansions_within(expansions, seconds), interrupted=over, seed=seed)
         return Revised(
             *revised_now(
                 problem, old_plan, (done, holds, gone, lost), limits, both, plan_in_sequence
@@ -366,22 +365,19 @@ def explain(
     goals: str = "",
     command: str = "",
     seconds: float | None = None,
-    expansions: int = 1_000_000,
+    expansions: int | None = None,
 ) -> Explained:
     """Explain why there is no plan.
 
     Each change that is offered is proved by a plan. Raises `InvalidInput`, `TimeoutError`.
     """
     from cellwright.engine.pipelines import explanation
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
 
     with limit_seconds(seconds) as over:
         problem = load(target, goals, command)
-        return Explained(
-            explanation.explain_infeasibility(
-                problem, SearchLimits(expansions=expansions, interrupted=over)
-            )
-        )
+        limits = SearchLimits(expansions_within(expansions, seconds), interrupted=over)
+        return Explained(explanation.explain_infeasibility(problem, limits))
 
 
 @dataclass(frozen=True, repr=False)

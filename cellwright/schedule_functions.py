@@ -91,7 +91,7 @@ def schedule(
     work: float = 60.0,
     workers: int = 1,
     seconds: float | None = None,
-    expansions: int = 1_000_000,
+    expansions: int | None = None,
     seed: int = 0,
 ) -> Scheduled:
     """Schedule a plan, the best plan for a problem, a plan file, a folder of S-LAB tables or a
@@ -101,17 +101,16 @@ def schedule(
     same work of one worker gives the same answer. Raises `InvalidInput`, `TimeoutError`.
     """
     from cellwright.engine.formats.interop.shop_files import shop_of
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
     from cellwright.engine.stages.scheduling.schedule_limits import ScheduleLimits
 
     with limit_seconds(seconds) as over:
         limits = ScheduleLimits(work, seed, workers, over)
+        planning = SearchLimits(expansions_within(expansions, seconds), interrupted=over, seed=seed)
         shop = shop_of(Path(target), instance) if isinstance(target, str | PathLike) else None
         if shop is not None:
             return _of_shop(shop, limits)
-        problem, timetable_made = _timetable_of(
-            target, (goals, command), SearchLimits(expansions, interrupted=over, seed=seed), limits
-        )
+        problem, timetable_made = _timetable_of(target, (goals, command), planning, limits)
     return _of_plan(problem, timetable_made)
 
 

@@ -23,7 +23,7 @@ def prepare(
     jobs: int = 0,
     cluster: str = "",
     seconds: float | None = None,
-    expansions: int = 1_000_000,
+    expansions: int | None = None,
     seed: int = 0,
 ) -> "Told[Preparation]":
     """Plan all problems of a domain or folder, and keep plans, sequences and poses. Status: ok, or
@@ -36,14 +36,14 @@ def prepare(
     from cellwright.engine.pipelines.jobs import crew_of
     from cellwright.engine.pipelines.precompute import prepare_problems as prepare_all
     from cellwright.engine.pipelines.precompute.preparation_results import problems_of
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
 
     crew, paths = (
         crew_of(jobs or len(os.sched_getaffinity(0)), cluster),
         problems_of(fspath(target)),
     )
     with limit_seconds(seconds) as over:
-        limits = SearchLimits(expansions, interrupted=over, seed=seed)
+        limits = SearchLimits(expansions_within(expansions, seconds), interrupted=over, seed=seed)
         preparation = prepare_all(paths, fspath(store), limits, crew)
     whole = len(preparation.problems) == len(paths) and all(
         problem.status in ("found", "infeasible") for problem in preparation.problems

@@ -339,9 +339,9 @@ class Axioms:
 
     def closed(self, state: Bits) -> Bits:
         """The state with the derived atoms that follow from its fluents, and no others."""
-        if not self.tests:
-            return self._followed(state)
-        compared = int.from_bytes(self.comparisons.true(self.values(state)), "little")
+        compared = (
+            int.from_bytes(self.comparisons.true(self.values(state)), "little") if self.tests else 0
+        )
         fluents = (1 << self.size) - 1 & ~self.derived
         return self._followed(state & fluents | compared) | state >> self.size << self.size
 

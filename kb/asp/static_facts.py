@@ -10,7 +10,8 @@ from math import inf, prod
 
 from cellwright.kb.asp import AspError, Grounder, ground_term
 from cellwright.kb.asp.bounded_grounding import GroundingTooLarge
-from cellwright.kb.asp.static_program import static_program
+from cellwright.kb.asp.overflow import WatchedRule, overflows, rules_that_watch
+from cellwright.kb.asp.static_program import VIOLATED, dependency_closure, static_program
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.model.domain_model import OBJECT_TYPE
 from cellwright.kb.model.planning_problem import Problem
@@ -88,11 +89,28 @@ def ground_statics(
     Raises `InvalidInput` as above.
     """
     rules = tuple(further)
-    text = "\n".join([static_program(problem, about), *rules])
+    watched = [
+        *static_rules(problem, about),
+        *(WatchedRule(each, problem.where, each) for each in rules),
+    ]
+    text = "\n".join([static_program(problem, about), *rules, rules_that_watch(watched)])
     with within_limits(lambda: static_suspects(problem)):
         try_first(static_suspects(problem), text)
         grounder.ground(text)
+    if told := list(overflows(watched, grounder)):
+        raise InvalidInput(told)
     grounder.know(only_given(problem, rules))
+
+
+def static_rules(problem: Problem, about: Collection[str] | None = None) -> list[WatchedRule]:
+    """The rules of a problem's domain that clingo gets, or those `about` some predicates."""
+    needed = None if about is None else dependency_closure(problem.domain, about)
+    return [
+        WatchedRule(each.text if each.defines else each.under(VIOLATED), each.where, each.text)
+        for each in problem.domain.asp
+        if not each.constant
+        and (needed is None or (each.defines[0] if each.defines else VIOLATED) in needed)
+    ]
 
 
 def only_given(problem: Problem, further: Iterable[str] = ()) -> dict[Signature, dict[Atom, None]]:

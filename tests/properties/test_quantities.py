@@ -126,7 +126,7 @@ def reachable(problem: Problem) -> bool:
     return False
 
 
-@given(cases(), st.sampled_from(["auto", "forward", "landmarks", "novelty"]))
+@given(cases(), st.sampled_from(["auto", "forward", "landmarks", "novelty", "counting"]))
 @settings(max_examples=8, deadline=None)
 def test_a_search_over_quantities_agrees_with_brute_force(
     case: tuple[str, str], strategy: str

@@ -281,7 +281,10 @@ def relaxed_rules(problem: Problem) -> str:
     plain = expand_aggregates(
         problem.domain.rules, problem.domain, ChangingPredicates(problem.domain).is_dynamic
     )
-    derived = (*plain.rules, *plain.reach, *normaliser.rules)
+    rules = (*plain.rules, *plain.reach, *normaliser.rules)
+    derived = tuple(
+        replace(derivation, body=taken.without_tests(derivation.body)) for derivation in rules
+    )
     vocabulary = ChangingPredicates(problem.domain, derived)
     lines: list[str] = []
     asked = list(goal_comparisons((part[0] for part in parts if len(part) == 1), taken))
@@ -292,7 +295,7 @@ def relaxed_rules(problem: Problem) -> str:
             *_event_rules(schema, vocabulary),
         ]
     lines += _under_conditions(untested, effects, vocabulary)
-    lines += [derived_rule(derivation, vocabulary) for derivation in derived]
+    lines += [derived_rule(each, vocabulary) for each in derived]
     lines += [
         line
         for operator in problem.domain.deductive_operators

@@ -72,6 +72,7 @@ from cellwright.engine.stages.grounding.reachable_instances import (
 )
 from cellwright.engine.stages.grounding.workflow_stages import EventBatches, StageTurns, Workflow
 from cellwright.kb.asp import Grounder
+from cellwright.kb.asp.overflow import overflows, rules_that_watch
 from cellwright.kb.asp.static_facts import try_first, within_limits
 from cellwright.kb.cycles import no_search_for_cycles
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput
@@ -371,10 +372,11 @@ class _Grounding:
             (*self.rules, *self.reach),
             self.goals,
         )
-        grounder, text = Grounder(), "\n".join(program.text(initial))
+        watched = list(program.watched_rules())
+        grounder, text = Grounder(), "\n".join([*program.text(initial), rules_that_watch(watched)])
         try_first(size_suspects(self.problem, self.schemas), text)
         grounder.ground(text)
-        self.found += violated_constraints(self.problem, grounder)
+        self.found += [*violated_constraints(self.problem, grounder), *overflows(watched, grounder)]
         universe = Universe(grounder, self.vocabulary, self.invented)
         arguments = [
             rule_text(f"_arg({v})", [instance_text(s)])

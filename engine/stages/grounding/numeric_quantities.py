@@ -26,6 +26,7 @@ from cellwright.kb.model.condition_forms import free_variables
 from cellwright.kb.model.conditions import (
     And,
     Body,
+    BodyPart,
     Comparison,
     Condition,
     Exists,
@@ -35,7 +36,7 @@ from cellwright.kb.model.conditions import (
     Or,
     goal_parts,
 )
-from cellwright.kb.model.domain_model import Domain, Operator
+from cellwright.kb.model.domain_model import Domain, Operator, Rule
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.model.quantity_fluents import value_error
 from cellwright.kb.terms import (
@@ -111,6 +112,7 @@ def without_quantities(problem: Problem) -> SeparatedQuantities:
     plain = dataclasses.replace(
         domain,
         operators=operators,
+        rules=tuple(map(taking.rule, domain.rules)),
         predicates={
             n: predicate for n, predicate in domain.predicates.items() if n not in domain.quantities
         },
@@ -140,7 +142,7 @@ def _note_values(problem: Problem, facts: Sequence[Atom], initial: dict[Function
 
 
 class _Taking:
-    """Takes quantities out of the operators and goals of a domain."""
+    """Takes quantities out of the operators, rules and goals of a domain."""
 
     def __init__(self, domain: Domain, quantities: SeparatedQuantities) -> None:
         self.domain, self.found = domain, quantities
@@ -159,6 +161,31 @@ class _Taking:
         )
         precondition = self.condition(operator.precondition, operator.where)
         return dataclasses.replace(operator, precondition=precondition, effects=effects)
+
+    def rule(self, rule: Rule) -> Rule:
+        """The rule with derived atoms in the place of comparisons with quantities.
+
+        Raises `InvalidInput`.
+        """
+        values = self._values(And(rule.body))
+        if not values:
+            return rule
+        body: list[BodyPart] = []
+        for part in rule.body:
+            if isinstance(part, Literal) and part.atom.name in self.domain.quantities:
+                continue  # it binds the variable of a value, which only comparisons read
+            read = values.keys() & free_variables(part)
+            if read and not isinstance(part, Comparison):
+                message = f"the rule of '{rule.head.name}' reads values of quantities in {part}"
+                raise InvalidInput(
+                    [Diagnostic(rule.where, "K202", message, "compare them instead")]
+                )
+            body.append(
+                self._test(values, part, rule.where)
+                if read and isinstance(part, Comparison)
+                else part
+            )
+        return dataclasses.replace(rule, body=tuple(body))
 
     def _setting(self, atom: Atom, condition: Condition) -> QuantitySetting | None:
         """The change that adds a new value; None for any other effect."""

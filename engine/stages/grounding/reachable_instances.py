@@ -22,11 +22,10 @@ from cellwright.engine.stages.grounding.grounding_program import (
     signed_numbers,
 )
 from cellwright.engine.stages.grounding.numbered_atoms import Universe
-from cellwright.engine.stages.grounding.numeric_quantities import (
-    COMPARISON_PREFIX,
-    SeparatedQuantities,
-)
+from cellwright.engine.stages.grounding.numeric_quantities import SeparatedQuantities
 from cellwright.engine.stages.grounding.operator_instances import InstanceRows
+from cellwright.kb.asp.overflow import WatchedRule
+from cellwright.kb.asp.static_facts import static_rules
 from cellwright.kb.asp.static_program import static_program
 from cellwright.kb.model.conditions import Body, Literal
 from cellwright.kb.model.domain_model import Effect, Rule
@@ -59,18 +58,36 @@ class ReachabilityProgram:
             yield from effect_rules(schema, self.vocabulary)
             yield from self._conditional_rules(schema)
             yield from self._comparison_rules(schema)
-        yield from (derived_rule(rule, self.vocabulary) for rule in self.rules)
-        named = {
-            p.atom for part in self.goals for body in part for p in body if isinstance(p, Literal)
-        }
-        yield from (
-            f"{reachable_literal(a)}."
-            for a in sorted(named, key=str)
-            if a.name.startswith(COMPARISON_PREFIX)
-        )
+        for rule in self.rules:
+            yield derived_rule(rule, self.vocabulary)
+            yield from self._compared_in(rule.body)
+        for body in (body for part in self.goals for body in part):
+            yield from self._compared_in(body)
         yield from (
             r for operator in problem.domain.deductive_operators for r in deduction_rules(operator)
         )
+
+    def watched_rules(self) -> Iterator[WatchedRule]:
+        """The rules of operators, their effects, derived predicates, goals and deductive
+        operators, with where they stand.
+        """
+        problem = self.taken.problem
+        yield from static_rules(problem)
+        for schema in self.schemas:
+            own = [instance_rule(schema, self.vocabulary), *effect_rules(schema, self.vocabulary)]
+            for text in (*own, *self._conditional_rules(schema)):
+                yield WatchedRule(
+                    text, schema.operator.where, f"in operator {schema.operator.name}"
+                )
+        for each in self.rules:
+            said = f"in a rule of {each.head.name}"
+            yield WatchedRule(derived_rule(each, self.vocabulary), each.where, said)
+        for body in (body for part in self.goals for body in part):
+            goal = Rule(Function("_asked", ()), self.taken.without_tests(body))
+            yield WatchedRule(derived_rule(goal, self.vocabulary), problem.where, "in the goals")
+        for operator in problem.domain.deductive_operators:
+            for text in deduction_rules(operator):
+                yield WatchedRule(text, operator.where, "in a deductive operator")
 
     def _stages(self) -> Iterator[str]:
         """The events that stages of workflows name."""
@@ -86,6 +103,14 @@ class ReachabilityProgram:
                     reachable_literal(conditional.effect.atom),
                     conditional_body(conditional, schema),
                 )
+
+    def _compared_in(self, body: Body) -> Iterator[str]:
+        """Rules for the comparisons of quantities in a body, which are taken to be reachable
+        wherever the rest is.
+        """
+        rest = self.taken.without_tests(body)
+        for literal in self.taken.literals_of([each for each in body if isinstance(each, Literal)]):
+            yield derived_rule(Rule(literal.atom, rest), self.vocabulary)
 
     def _comparison_rules(self, schema: Schema) -> Iterator[str]:
         """Rules for the comparisons of quantities in a schema, which are taken to be reachable

@@ -15,10 +15,12 @@ from cellwright.engine.stages.planning.search_control import (
     RESTARTS,
     SMALL_STATE_ROOM,
     STATE_ROOM,
+    UNLIMITED,
     Effort,
     OutOfRange,
     SearchLimits,
     SearchResult,
+    expansions_within,
 )
 
 __all__ = [
@@ -28,8 +30,10 @@ __all__ = [
     "SMALL_STATE_ROOM",
     "STATE_ROOM",
     "STRATEGIES",
+    "UNLIMITED",
     "Macros",
     "SearchLimits",
+    "expansions_within",
     "plan_task",
 ]
 

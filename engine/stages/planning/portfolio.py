@@ -112,6 +112,15 @@ class SearchSetting:
         return NoveltySearch(self.task, self.seed)
 
     @cached_property
+    def operator_counting(self) -> ResumableSearch | None:
+        """The forward search by counts of operators; None if no goal asks for quantities that
+        add up.
+        """
+        from cellwright.engine.stages.planning.forward.operator_counting import search_by_counts
+
+        return search_by_counts(self.task, self.seed)
+
+    @cached_property
     def proof(self) -> ResumableSearch:
         """The proof that no state allows what the goals need."""
         from cellwright.engine.stages.planning.unsolvability import UnsolvabilityProof
@@ -226,6 +235,7 @@ LAYERED, RESTARTED, SHORT = (
 )
 NUMERIC_FIRST_TURN = TurnLimits(500, 25_000)  # landmarks and forward, with quantities
 NOVELTY_TURN = TurnLimits(2000, 100_000)
+COUNTED = TurnLimits(500, 25_000)
 SINGLE_TURN = TurnLimits(1)
 # best-first regression, if it takes turns only with restarts
 REGRESSION_ALONE_TURN = TurnLimits(4000)
@@ -261,6 +271,25 @@ def search_by_novelty(setting: SearchSetting, effort: Effort) -> SearchResult | 
     return setting.novelty.run(effort)
 
 
+def count_operators(setting: SearchSetting, effort: Effort) -> SearchResult | None:
+    """The forward search by how often operators must be done so that quantities add up; in turns
+    with `forward`, which can prove that there is no plan."""
+    return _in_turns(
+        [
+            (_run_later(setting, count_only), COUNTED),
+            (_run_later(setting, search_forward), NUMERIC_FIRST_TURN),
+        ],
+        effort,
+    )
+
+
+def count_only(setting: SearchSetting, effort: Effort) -> SearchResult | None:
+    """The forward search by counts of operators alone; nothing if no goal asks for quantities
+    that add up.
+    """
+    return setting.operator_counting.run(effort) if setting.operator_counting is not None else None
+
+
 def prove_unsolvable(setting: SearchSetting, effort: Effort) -> SearchResult | None:
     """That there is no plan, where derived atoms and quantities rule it out."""
     return setting.proof.run(effort)
@@ -282,8 +311,8 @@ def search_automatically(setting: SearchSetting, effort: Effort) -> SearchResult
     """A short backward search first.
 
     Then landmarks, backward, forward and stable models take turns that double in length. With
-    quantities, landmarks, novelty and forward take turns, and where only forward searches can plan,
-    landmarks, short searches by chance and forward.
+    quantities, landmarks, counts of operators, novelty and forward take turns, and where only
+    forward searches can plan, landmarks, short searches by chance and forward.
     """
     if setting.regression is None:
         return _in_turns(
@@ -337,6 +366,7 @@ STRATEGIES: dict[str, Strategy] = {
     "forward": search_forward,
     "landmarks": search_by_landmarks,
     "novelty": search_by_novelty,
+    "counting": count_operators,
     "asp": search_stable_models,
     "shortest": search_shortest,
 }
@@ -362,6 +392,7 @@ def _numeric_turns(setting: SearchSetting) -> Turns:
     return [
         (_run_later(setting, search_by_landmarks), NUMERIC_FIRST_TURN),
         (_run_later(setting, prove_unsolvable), SINGLE_TURN),
+        (_run_later(setting, count_only), COUNTED),
         (_run_later(setting, search_by_novelty), NOVELTY_TURN),
         (_run_later(setting, search_forward), NUMERIC_FIRST_TURN),
     ]

@@ -82,6 +82,8 @@ NO_PLAN = SearchResult(None)
 MAX_STATES_MET = 500_000
 MAX_STATE_CHECKS = 40_000_000  # questions whether an operator can be done in a state
 RESTARTS = 6
+MAX_EXPANSIONS = 1_000_000  # where neither expansions nor seconds are limited
+UNLIMITED = 1 << 60
 
 
 class BatchEffort(NamedTuple):
@@ -106,6 +108,16 @@ class StateRoom:
     checks: int = MAX_STATE_CHECKS
 
 
+def expansions_within(expansions: int | None, seconds: float | None) -> int:
+    """The expansions of a search: as many as are given.
+
+    Without a number, a limit of seconds governs alone.
+    """
+    if expansions is not None:
+        return expansions
+    return MAX_EXPANSIONS if seconds is None else UNLIMITED
+
+
 STATE_ROOM = StateRoom()
 SMALL_STATE_ROOM = StateRoom(states=8_000, checks=500_000)  # a few milliseconds
 
@@ -128,7 +140,7 @@ class SearchLimits:
     better one. Where a plan is `doubtful`, it first tries to prove that there is none.
     """
 
-    expansions: int = 1_000_000
+    expansions: int = MAX_EXPANSIONS
     improvement: int = 1_500
     room: StateRoom | None = STATE_ROOM
     restarts: int = RESTARTS

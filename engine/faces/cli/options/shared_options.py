@@ -139,7 +139,11 @@ MemoryLimit = Annotated[
     int | None, Option(min=128, help="megabytes of memory that the command may use")
 ]
 Expansions = Annotated[
-    int, Option(min=0, help="states that the search may expand before it gives up")
+    int | None,
+    Option(
+        min=0,
+        help="states that the search may expand before it gives up; 1000000 without a time limit",
+    ),
 ]
 Library = Annotated[
     str,

@@ -35,7 +35,7 @@ def explain_target(
     command: Command = "",
     format: Format = AnswerForm.TEXT,
     time_limit: TimeLimit = None,
-    expansions: Expansions = 1_000_000,
+    expansions: Expansions = None,
 ) -> None:
     """Explain why TARGET has no plan and which changes would allow one; or why STEP is in the
     plan TARGET.
@@ -49,20 +49,19 @@ def explain_target(
 
 
 def _explain_problem(
-    target: str, goals: str, command: str, time_limit: float | None, expansions: int
+    target: str, goals: str, command: str, time_limit: float | None, expansions: int | None
 ) -> VerbAnswer:
     from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.formats.report.plans.explanation_report import explanation_entry
     from cellwright.engine.formats.report.plans.explanation_report import explanation_text as text
     from cellwright.engine.pipelines import explanation
     from cellwright.engine.pipelines.planning import checked_plan
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
 
     with SearchInterruption(time_limit) as interrupted:
         problem = checked_plan.problem_of(target, goals, command)
-        plan_explanation = explanation.explain_infeasibility(
-            problem, SearchLimits(expansions=expansions, interrupted=interrupted)
-        )
+        limits = SearchLimits(expansions_within(expansions, time_limit), interrupted=interrupted)
+        plan_explanation = explanation.explain_infeasibility(problem, limits)
     code = (
         INTERRUPTED if interrupted.heard else GAVE_UP if plan_explanation.status == "unknown" else 0
     )
@@ -200,7 +199,7 @@ def revise_plan_file(
         bool, Option("--both", help="always replan too, and take the cheaper plan")
     ] = False,
     time_limit: TimeLimit = None,
-    expansions: Expansions = 1_000_000,
+    expansions: Expansions = None,
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
@@ -222,7 +221,7 @@ class Observations:
 
 
 def _revise_plan(
-    file: Path, given: Observations, both: bool, work: tuple[float | None, int, int]
+    file: Path, given: Observations, both: bool, work: tuple[float | None, int | None, int]
 ) -> VerbAnswer:
     from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.formats.report import json_answers
@@ -230,12 +229,14 @@ def _revise_plan(
     from cellwright.engine.pipelines.planning.plan_files import plan_in
     from cellwright.engine.pipelines.recovery.observations import revised_now
     from cellwright.engine.pipelines.recovery.replanning import plan_in_sequence
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
 
     seconds, expansions, seed = work
     with SearchInterruption(seconds) as interrupted:
         problem, plan = plan_in(file)
-        limits = SearchLimits(expansions, interrupted=interrupted, seed=seed)
+        limits = SearchLimits(
+            expansions_within(expansions, seconds), interrupted=interrupted, seed=seed
+        )
         revision, follows = revised_now(
             problem,
             plan,

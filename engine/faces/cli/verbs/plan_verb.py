@@ -151,7 +151,7 @@ def plan_target(
     output: Output = None,
     stats: Stats = False,
     time_limit: TimeLimit = None,
-    expansions: Expansions = 1_000_000,
+    expansions: Expansions = None,
     strategy: Strategy = "auto",
     race: Race = False,
     anytime: Anytime = False,
@@ -257,7 +257,7 @@ class SearchOptions:
     """The limits of the search (seconds, expansions), and how it searches."""
 
     seconds: float | None
-    expansions: int
+    expansions: int | None
     seed: int
     strategy: str
     anytime: bool = False
@@ -350,10 +350,11 @@ def _search_limits(
         SMALL_STATE_ROOM,
         STATE_ROOM,
         SearchLimits,
+        expansions_within,
     )
 
     return SearchLimits(
-        work.expansions,
+        expansions_within(work.expansions, work.seconds),
         room=SMALL_STATE_ROOM if pddl else STATE_ROOM,
         restarts=0 if pddl else RESTARTS,
         interrupted=interrupted,

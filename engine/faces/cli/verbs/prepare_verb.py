@@ -45,7 +45,7 @@ def prepare_target(
     jobs: Jobs = 0,
     cluster: Cluster = "",
     time_limit: TimeLimit = None,
-    expansions: Expansions = 1_000_000,
+    expansions: Expansions = None,
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
@@ -62,17 +62,24 @@ def prepare_target(
 
 
 def _prepare_problems(
-    target: str, store: str, crew: "WorkCrew", seconds: float | None, expansions: int, seed: int
+    target: str,
+    store: str,
+    crew: "WorkCrew",
+    seconds: float | None,
+    expansions: int | None,
+    seed: int,
 ) -> VerbAnswer:
     from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.formats.report.plans import library_report
     from cellwright.engine.pipelines.precompute import prepare_problems as prepare_all
     from cellwright.engine.pipelines.precompute.preparation_results import problems_of
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
 
     paths = problems_of(target)
     with SearchInterruption(seconds) as interrupted, progress_of("planning") as progress:
-        limits = SearchLimits(expansions, interrupted=interrupted, seed=seed)
+        limits = SearchLimits(
+            expansions_within(expansions, seconds), interrupted=interrupted, seed=seed
+        )
         preparation = prepare_all(paths, store, limits, crew, progress)
     statuses = {problem.status for problem in preparation.problems}
     code = INTERRUPTED if interrupted.heard else BAD_INPUT if "bad input" in statuses else 0

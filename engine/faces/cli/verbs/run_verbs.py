@@ -102,7 +102,7 @@ def run_target(
     events: Events = "",
     watch: Watch = False,
     motion: Motion = False,
-    expansions: Expansions = 1_000_000,
+    expansions: Expansions = None,
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
@@ -130,7 +130,7 @@ class RunCommandRequest:
     factor: float
     seed: int
     approve: bool
-    expansions: int
+    expansions: int | None
     motion: bool
 
 
@@ -166,14 +166,15 @@ def _carried_out(
     format: AnswerForm,
 ) -> VerbAnswer:
     from cellwright.engine.pipelines.execution import RunScope, begin_run
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
 
     if shown:
         from cellwright.engine.faces.cli.output.terminal_console import say_on_stderr
         from cellwright.engine.formats.report.runs.run_report import narrate_problem
 
         say_on_stderr("\n".join(narrate_problem(problem)) + "\n")
-    limits, table, scope, paths = SearchLimits(asked.expansions, seed=asked.seed), None, None, None
+    limits = SearchLimits(expansions_within(asked.expansions, None), seed=asked.seed)
+    table, scope, paths = None, None, None
     if asked.motion:
         moving = _plan_with_motions(asked, problem, limits, wanted.store)
         table, scope = moving.run.timetable, RunScope(moving.problem, moving.given_up)
@@ -290,7 +291,7 @@ def resume_named_run(
     ] = None,
     events: Events = "",
     watch: Watch = False,
-    expansions: Expansions = 1_000_000,
+    expansions: Expansions = None,
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
 ) -> None:
@@ -303,17 +304,22 @@ def resume_named_run(
 
 
 def _resume_run(
-    run: str, store: str, factor: float | None, events: str, watch: bool, search: tuple[int, int]
+    run: str,
+    store: str,
+    factor: float | None,
+    events: str,
+    watch: bool,
+    search: tuple[int | None, int],
 ) -> VerbAnswer:
     from cellwright.engine.faces.cli.verbs.run_supervision import RunSupervision
     from cellwright.engine.pipelines.execution import resume_run as go_on
     from cellwright.engine.pipelines.execution.run_start import follow_run
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
     from cellwright.kb.store.default_path import default_store
 
     where = store or default_store()
     pace, before = follow_run(where, run, factor) if watch else (0.0, ())
     with RunSupervision(run, where, events, False, watch, pace, before) as seen:
-        limits = SearchLimits(search[0], seed=search[1])
+        limits = SearchLimits(expansions_within(search[0], None), seed=search[1])
         ending = go_on(where, run, seen.channel, seen.watchers, limits, factor)
     return answer_of(ending, where, events == "-")

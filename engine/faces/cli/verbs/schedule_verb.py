@@ -72,7 +72,7 @@ def schedule_target(
     time_limit: TimeLimit = None,
     work: Work = 60.0,
     race: Race = 1,
-    expansions: Expansions = 1_000_000,
+    expansions: Expansions = None,
     seed: Seed = 0,
 ) -> None:
     """Print a short schedule for the steps of a plan for TARGET, or for the stages of a shop."""
@@ -107,7 +107,7 @@ class EffortOptions:
     seconds: float | None
     work: float
     workers: int
-    expansions: int
+    expansions: int | None
     seed: int
 
 
@@ -117,7 +117,7 @@ def _schedule_target(
     from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.formats.interop.shop_files import shop_of
     from cellwright.engine.pipelines.planning import plan_objective, timetable
-    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.engine.stages.planning import SearchLimits, expansions_within
     from cellwright.engine.stages.scheduling.schedule_limits import ScheduleLimits
 
     with SearchInterruption(effort.seconds) as interrupted:
@@ -140,7 +140,8 @@ def _schedule_target(
                     {"--goals": wanted.goals, "--command": wanted.command},
                     "on a plan, which has its own goals",
                 )
-            planning = SearchLimits(effort.expansions, interrupted=interrupted, seed=effort.seed)
+            most = expansions_within(effort.expansions, effort.seconds)
+            planning = SearchLimits(most, interrupted=interrupted, seed=effort.seed)
             timed_plan = (
                 plan_objective.plan_fastest(problem, planning, limits)
                 if plan is None

@@ -8,6 +8,7 @@ from cellwright.engine.formats.interop.pddl.expressions import Document, Express
 from cellwright.engine.formats.interop.pddl.number_reader import function_bindings
 from cellwright.engine.formats.interop.pddl.numeric_functions import TaskFunctions
 from cellwright.engine.formats.interop.pddl.pddl_conditions import ConditionReader
+from cellwright.kb.graphs import strong_components
 from cellwright.kb.model.condition_forms import Normaliser
 from cellwright.kb.model.conditions import ALWAYS_TRUE, And, Condition, Literal, Parameter
 from cellwright.kb.model.domain_model import (
@@ -125,7 +126,9 @@ class DomainReader:
         names = self.scope.names
         self.functions = self.conditions.numbers.functions = functions
         operators = tuple(self._action(group) for group in self._all(":action"))
-        rules = tuple(rule for group in self._all(":derived") for rule in self._axiom(group))
+        read = [(group, tuple(self._axiom(group))) for group in self._all(":derived")]
+        rules = tuple(rule for _, own in read for rule in own)
+        self._refuse_cycles(read, rules)
         constants = {names.of("object", name): type_ for name, type_ in self.constants.items()}
         return Domain(
             self._name(),
@@ -204,6 +207,34 @@ class DomainReader:
             where=self.document.where(group),
         )
 
+    def _refuse_cycles(
+        self, read: Sequence[tuple[Group, Sequence[Rule]]], rules: Sequence[Rule]
+    ) -> None:
+        """Report axioms whose predicate depends on its own negation.
+
+        A predicate under `forall` is read by two negations.
+        """
+        graph: dict[str, list[str]] = {}
+        for rule in rules:
+            graph.setdefault(rule.head.name, []).extend(each.atom.name for each in _literals(rule))
+        places = {
+            name: place for place, part in enumerate(strong_components(graph)) for name in part
+        }
+        for group, own in read:
+            for rule in own:
+                place = places[rule.head.name]
+                if any(
+                    not each.positive and places.get(each.atom.name) == place
+                    for each in _literals(rule)
+                ):
+                    message = (
+                        "this axiom is not supported: it depends on itself under 'not' or 'forall'"
+                    )
+                    self.document.add(
+                        group, "K802", message, "let it depend on itself only as it is"
+                    )
+                    break
+
     def _axiom(self, group: Group) -> Iterator[Rule]:
         """The rule of a derived predicate, as one or more rules with simple bodies."""
         if len(group.rest) != 2 or not isinstance(group.rest[0], Group):
@@ -222,6 +253,10 @@ class DomainReader:
         for disjunct in normaliser.disjuncts(And((read,)), types):
             yield Rule(atom, (*guards, *disjunct), where)
         yield from (Rule(rule.head, rule.body, where) for rule in normaliser.rules)
+
+
+def _literals(rule: Rule) -> Iterator[Literal]:
+    return (part for part in rule.body if isinstance(part, Literal))
 
 
 def _type_guard(parameter: Parameter) -> Literal:

@@ -59,6 +59,15 @@ class NumberReader:
     outer: frozenset[Variable] = frozenset()  # the variables of that action
     _fresh: Iterator[int] = field(default_factory=itertools.count)
 
+    def by_itself(self, read: Callable[[], Condition]) -> Condition:
+        """What `read` gives, without variables of the action for values: a quantified condition
+        may become a rule of its own.
+        """
+        bound, self.bound = self.bound, None
+        condition = read()
+        self.bound = bound
+        return condition
+
     def comparison(self, at: Group, read: Read) -> Condition:
         """A comparison of two numbers. A wrong one is reported and replaced by true."""
         try:

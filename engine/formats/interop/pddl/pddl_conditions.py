@@ -73,7 +73,7 @@ class ConditionReader:
                 premise, conclusion = (self.condition(part, types) for part in at.rest)
                 return Or((self._negated(premise), conclusion))
             case "exists" | "forall" if len(at.rest) == 2 and isinstance(at.rest[0], Group):
-                return self._quantified(at, types)
+                return self.numbers.by_itself(lambda: self._quantified(at, types))
             case _:
                 return self._simple(at, types)
 

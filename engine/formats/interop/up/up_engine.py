@@ -31,6 +31,7 @@ from cellwright.engine.formats.interop.up.up_plans import (
 from cellwright.engine.formats.interop.up.up_problem import Translated, translate_problem
 from cellwright.engine.kernels.cancellation import Interrupted, never
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, OrderCheck, Outcome
+from cellwright.engine.stages.planning import expansions_within
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.model.planning_problem import Problem
@@ -308,7 +309,7 @@ class UpEngine(
     ) -> PlanGenerationResult:
         late = deadline_after(timeout)
         result = self._made(
-            problem, lambda ours: self._proved(ours, self._planned(ours.ours, late), late)
+            problem, lambda ours: self._proved(ours, self._planned(ours.ours, late, timeout), late)
         )
         return _write_result(result, output_stream)
 
@@ -316,13 +317,19 @@ class UpEngine(
         self,
         problem: Problem,
         interrupted: Interrupted,
+        timeout: float | None,
         improved: Callable[[Plan], None] = lambda _: None,
         thorough: bool = False,
     ) -> Outcome:
         """Make a new plan. With `thorough`, improve it until the search is interrupted."""
-        return self.stages.plan(
-            problem, interrupted, improved, {"thorough": thorough, **self._options}
-        )
+        options = {"thorough": thorough, **self._limited(timeout)}
+        return self.stages.plan(problem, interrupted, improved, options)
+
+    def _limited(self, timeout: float | None) -> dict[str, Any]:
+        """The options. A timeout governs: without a number of expansions they are not limited
+        then.
+        """
+        return {"expansions": expansions_within(None, timeout), **self._options}
 
     def _proved(self, problem: Translated, outcome: Outcome, interrupted: Interrupted) -> Outcome:
         """The outcome with a proof that it is optimal, if there is a metric and the proof does
@@ -384,10 +391,10 @@ class UpEngine(
                 better = only_cheaper(
                     lambda plan: tell(self._result(Status.INTERMEDIATE, self._plan(ours, plan)))
                 )
-                first = self._proved(ours, self._planned(ours.ours, stop, better), stop)
+                first = self._proved(ours, self._planned(ours.ours, stop, timeout, better), stop)
                 if timeout is None or not isinstance(first, Found) or first.optimal:
                     return first
-                last = self._planned(ours.ours, stop, better, thorough=True)
+                last = self._planned(ours.ours, stop, timeout, better, thorough=True)
                 return (
                     last if isinstance(last, Found) and last.plan.cost <= first.plan.cost else first
                 )
@@ -402,20 +409,24 @@ class UpEngine(
     ) -> PlanGenerationResult:
         late = deadline_after(timeout)
         result = self._made(
-            self._problem, lambda ours: self._proved(ours, self._revised(ours, late), late)
+            self._problem, lambda ours: self._proved(ours, self._revised(ours, late, timeout), late)
         )
         return _write_result(result, output_stream)
 
-    def _revised(self, problem: Translated, interrupted: Interrupted) -> Outcome:
+    def _revised(
+        self, problem: Translated, interrupted: Interrupted, timeout: float | None
+    ) -> Outcome:
         """The former plan after repair, if only initial values have changed; otherwise a new
         plan.
         """
         ours, former = problem.ours, self._former
         if former is not None and former[0].replace(ours.initial) == ours:
             compare = bool(problem.theirs.quality_metrics)
-            outcome = self.stages.revise(*former, ours, interrupted, compare, self._options)
+            outcome = self.stages.revise(
+                *former, ours, interrupted, compare, self._limited(timeout)
+            )
         else:
-            outcome = self._planned(ours, interrupted)
+            outcome = self._planned(ours, interrupted, timeout)
         if isinstance(outcome, Found):
             self._former = (ours, outcome.plan)
         return outcome

@@ -21,12 +21,7 @@ from cellwright.engine.stages.planning.composites import Pattern, PatternJoins, 
 from cellwright.engine.stages.planning.forward.landmarks import LandmarkHints, Landmarks
 from cellwright.engine.stages.planning.forward.packed_states import make_fronts
 from cellwright.engine.stages.planning.forward.state_evaluation import StateEvaluation
-from cellwright.engine.stages.planning.search_control import (
-    NO_PLAN,
-    Effort,
-    SearchResult,
-    random_source,
-)
+from cellwright.engine.stages.planning.search_control import Effort, SearchResult, random_source
 from cellwright.kb.terms import Function
 
 MAX_SUGGESTED = 64  # the largest number of composites suggested for one state
@@ -83,6 +78,7 @@ class CompositeSuggestions:
 UNKNOWN_ESTIMATE = 1 << 60
 MAX_SMALL_NUMBER = (1 << 31) - 1  # of the numbers that an array of small ones holds
 _MEETS_GOAL = Function("_meets")
+PREFERRED = 1  # the queue of preferred operators, by relaxed plans
 PREFERRED_BOOST = 1000  # turns that preferred operators get whenever the estimate improves
 
 
@@ -200,17 +196,22 @@ class ForwardSearch:
         while not effort.spent():
             entry = self._next()
             if entry is None:
-                return NO_PLAN
+                return self._space.exhausted()
             parent, operator = entry
             state, operator = self._reached(self._nodes[parent].state, operator)
-            if not self._fronts.met(state) and self._expand(state, parent, operator, effort):
+            if (
+                state
+                and not self._fronts.met(state)
+                and self._expand(state, parent, operator, effort)
+            ):
                 return self._answer()
         return None
 
     def _reached(self, state: bytes, number: int) -> tuple[bytes, int]:
-        """The state after a successor's operator, and its number.
+        """The state after a successor's operator, and its number. A repeated operator ends where it
+        is not applicable.
 
-        A repeated operator ends where it is not applicable.
+        The state is empty if it is left out.
         """
         if self._suggestions is not None:
             for part in self._suggestions.parts(number):
@@ -264,7 +265,7 @@ class ForwardSearch:
                     rank = self._rank(key, node_number)
                     heapq.heappush(
                         self._queues[number],
-                        SuccessorBatch(rank, self._tie(), node_number, _pack_numbers(operators)),
+                        SuccessorBatch(rank, self._tie(), node_number, in_order(operators)),
                     )
         return False
 
@@ -323,7 +324,7 @@ class ForwardSearch:
         return SearchResult([step for step in steps if step.instance != _MEETS_GOAL], offer)
 
 
-def _pack_numbers(operators: list[int]) -> "array[int]":
+def in_order(operators: list[int]) -> "array[int]":
     """Numbers of operators, the last one first.
 
     Those of operators that are repeated may be large.

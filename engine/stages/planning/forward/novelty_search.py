@@ -19,12 +19,7 @@ from cellwright.engine.stages.planning.forward.state_evaluation import (
     goal_distance,
 )
 from cellwright.engine.stages.planning.forward.transitions import Novelty
-from cellwright.engine.stages.planning.search_control import (
-    NO_PLAN,
-    Effort,
-    SearchResult,
-    random_source,
-)
+from cellwright.engine.stages.planning.search_control import Effort, SearchResult, random_source
 
 
 class NoveltyNode(NamedTuple):
@@ -67,7 +62,7 @@ class NoveltySearch:
             return SearchResult([])
         while not effort.spent():
             if not self._queue:
-                return NO_PLAN
+                return self._space.exhausted()
             node = heapq.heappop(self._queue)[-1]
             effort.expanded += 1
             if self._expand(node, effort):
@@ -91,7 +86,7 @@ class NoveltySearch:
         for step in repeated + applicable:
             times, place = divmod(step, count)
             after, done = self._space.after(state, place, max(times, 1))
-            if self._fronts.met(after):
+            if not after or self._fronts.met(after):
                 continue
             self._nodes.append(NoveltyNode(after, node, place + done * count))
             if self._at_goal(after):

@@ -14,7 +14,7 @@ from cellwright.engine.model.ground_axioms import (
 from cellwright.engine.model.ground_task import ConditionalEffect, GroundOperator
 from cellwright.engine.stages.planning.forward.kernels import Rows
 from cellwright.engine.stages.planning.forward.transitions import Changes, Dominance, Transitions
-from cellwright.engine.stages.planning.search_control import OutOfRange
+from cellwright.engine.stages.planning.search_control import NO_PLAN, OutOfRange, SearchResult
 
 
 class PackedSpace:
@@ -31,7 +31,7 @@ class PackedSpace:
         self._axioms = axioms if tests else None
         self._mask = (1 << self._axioms.size) - 1 if self._axioms else -1
         self.quantities = len(self._axioms.values(0)) if self._axioms else 0
-        self.width = (size + 63) // 64 * 8
+        self.width, self._left_out = (size + 63) // 64 * 8, False
         matters = _relevant_levels(operators, axioms)
         changes = [
             tuple(change for change in o.changes if change.level in matters) for o in operators
@@ -75,12 +75,20 @@ class PackedSpace:
         """The state after an operator, done as often as `times` or until it is not applicable, and
         how often it was done.
 
-        Raises `OutOfRange`.
+        It is empty if a value gets too large for the search: such a state is left out.
         """
         next_state = self._transitions.after(state, operator, times)
-        if not next_state:
-            raise OutOfRange("the values of quantities get too large for the search")
+        self._left_out = self._left_out or not next_state
         return next_state, self._transitions.done
+
+    def exhausted(self) -> SearchResult:
+        """The answer of a search that has followed every state: there is no plan.
+
+        Raises `OutOfRange` if states were left out.
+        """
+        if self._left_out:
+            raise OutOfRange("there is no plan with values that are small enough for the search")
+        return NO_PLAN
 
 
 def _moved_atoms(effects: Iterable[ConditionalEffect]) -> Bits:

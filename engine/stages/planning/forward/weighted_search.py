@@ -75,11 +75,11 @@ class WeightedSearch(ForwardSearch):
         while not effort.spent():
             entry = self._next()
             if entry is None:
-                return NO_PLAN
+                return self._space.exhausted()
             parent, operator = entry
             state, operator = self._reached(self._nodes[parent].state, operator)
             cost = self._costs[parent] + self._charge(operator)
-            if cost >= self._limit or self._least.get(state, UNKNOWN_ESTIMATE) <= cost:
+            if not state or cost >= self._limit or self._least.get(state, UNKNOWN_ESTIMATE) <= cost:
                 continue
             self._least[state] = cost
             if self._follow(state, parent, operator, cost, effort):

@@ -228,3 +228,54 @@ def test_plans_with_fractions_agree_with_brute_force(
             read(Path(folder), domain, problem).problem, SearchLimits(strategy=strategy)
         )
     assert isinstance(outcome, Found if reachable(given, start, wanted) else Infeasible)
+
+
+HOT = """
+(define (domain hot) (:types plate) (:predicates (hot) (cold ?p - plate) (all_warm) (ok))
+  (:functions (heat) (warmth ?p - plate) (limit ?p - plate))
+  (:derived (hot) (> (heat) 3))
+  (:derived (cold ?p - plate) (not (>= (warmth ?p) (limit ?p))))
+  (:derived (all_warm) (forall (?p - plate) (not (cold ?p))))
+  (:action warm :parameters () :effect (increase (heat) 2))
+  (:action lay :parameters (?p - plate) :precondition (hot) :effect (increase (warmth ?p) 1))
+  (:action fin :parameters () :precondition (all_warm) :effect (ok)))
+"""
+PLATES = """
+(define (problem p) (:domain hot) (:objects a b - plate)
+  (:init (= (heat) 0) (= (warmth a) 0) (= (warmth b) 1) (= (limit a) 2) (= (limit b) 1))
+  (:goal (and (ok) (not (cold a)) (exists (?p - plate) (> (warmth ?p) (warmth b))))))
+"""
+
+
+def test_derived_predicates_that_read_numbers_are_planned_and_checked(tmp_path: Path) -> None:
+    task = read(tmp_path, HOT, PLATES)
+    outcome = checked_plan.plan_problem(task.problem, SearchLimits())
+    assert isinstance(outcome, Found)
+    written = write_plan(task, outcome.plan)
+    steps = [line for line in written.splitlines() if line.startswith("(")]
+    assert sorted(steps) == ["(fin)", "(lay a)", "(lay a)", "(warm)", "(warm)"]
+    (tmp_path / "plan").write_text(written)
+    assert not validate_plan(task.problem, read_plan(task, tmp_path / "plan"))
+    (tmp_path / "plan").write_text("(warm)\n(lay a)\n(lay a)\n(fin)\n")
+    assert validate_plan(task.problem, read_plan(task, tmp_path / "plan"))
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "(not (hot))",
+        "(forall (?p - plate) (or (hot) (cold ?p)))",
+        "(not (exists (?p - plate) (and (cold ?p) (hot))))",
+    ],
+)
+def test_a_derived_predicate_that_depends_on_its_own_negation_is_refused(
+    tmp_path: Path, condition: str
+) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        read(
+            tmp_path,
+            HOT.replace("(:derived (hot) (> (heat) 3))", f"(:derived (hot) {condition})"),
+            PLATES,
+        )
+    assert [each.code for each in refused.value.diagnostics] == ["K802"]
+    assert "depends on itself" in refused.value.diagnostics[0].message

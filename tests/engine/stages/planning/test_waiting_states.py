@@ -5,7 +5,7 @@ from unittest.mock import patch
 from hypothesis import HealthCheck, assume, given, settings
 
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning.forward.forward_search import MAX_SMALL_NUMBER, _pack_numbers
+from cellwright.engine.stages.planning.forward.forward_search import MAX_SMALL_NUMBER, in_order
 from cellwright.engine.stages.planning.regression.backward_search import (
     BackwardSpace,
     BestFirstRegression,
@@ -52,6 +52,6 @@ def test_long_conditions_become_short_and_different_ones_stay_different() -> Non
 
 
 def test_successors_that_wait_take_four_bytes_each_and_numbers_of_any_size_are_kept() -> None:
-    assert _pack_numbers([3, 1, 2]).tolist() == [2, 1, 3]
-    assert _pack_numbers([3, 1, 2]).itemsize == 4
-    assert _pack_numbers([MAX_SMALL_NUMBER + 1, 5]).tolist() == [5, MAX_SMALL_NUMBER + 1]
+    assert in_order([3, 1, 2]).tolist() == [2, 1, 3]
+    assert in_order([3, 1, 2]).itemsize == 4
+    assert in_order([MAX_SMALL_NUMBER + 1, 5]).tolist() == [5, MAX_SMALL_NUMBER + 1]
