@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test slow laws long check golden bench faults fuzz mutation site wheel clean
+.PHONY: demo test slow laws long check golden bench faults fuzz definition mutation site wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -81,6 +81,13 @@ SEED ?= 1
 
 fuzz: $(VENV)/ready
 	$(BIN)/python tests/fuzzing/campaign.py --minutes $(MINUTES) --seed $(SEED)
+
+# Random PDDL tasks beside a brute force over the definition of the language. TASKS=1000 SEED=5 make definition
+TASKS ?= 400
+
+definition: $(VENV)/ready
+	$(BIN)/python -m benchmarks.pddl_definition --tasks $(TASKS) --first $(SEED)
+	$(BIN)/python -m benchmarks.pddl_definition --tasks $(TASKS) --first $(SEED) --numeric-axioms
 
 # Cosmic-ray makes the mutants; it is no part of the product (docs/testing.md).
 mutation: $(VENV)/ready

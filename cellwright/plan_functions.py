@@ -218,6 +218,7 @@ class Verdict(Answer):
 
     plan: "Plan"
     found: "tuple[Diagnostic, ...]"
+    cost: str = "0"
 
     def __bool__(self) -> bool:
         return not self.found
@@ -242,7 +243,7 @@ class Verdict(Answer):
 
         from cellwright.engine.formats.report.diagnostic_messages import diagnostics_text
 
-        summary_text = Text(f"{self.status}: {len(self.plan.steps)} steps, cost {self.plan.cost}")
+        summary_text = Text(f"{self.status}: {len(self.plan.steps)} steps, cost {self.cost}")
         return Group(summary_text, diagnostics_text(self.found)) if self.found else summary_text
 
 
@@ -252,11 +253,13 @@ def validate(plan: "Planned | str | PathLike[str]", problem: Target | None = Non
 
     Raises `InvalidInput` for a file that is no plan.
     """
+    from cellwright.engine.model.task_costs import cost_text
     from cellwright.engine.pipelines.planning.plan_files import check_plan
 
     own, made, claims, name = plan_of(plan)
     asked = own if problem is None else load(problem)
-    return Verdict(made, tuple(check_plan(asked, made, name, claims)))
+    found = tuple(check_plan(asked, made, name, claims))
+    return Verdict(made, found, cost_text(made.cost, asked.domain))
 
 
 @dataclass(frozen=True, repr=False)

@@ -113,23 +113,23 @@ def _complete_uses(folder: Path, uses: dict[str, str]) -> dict[str, str]:
     return {**{added_device: added_device for added_device in added}, **uses}
 
 
-def _needs_bench(all_known: Mapping[str, DeviceHead], uses: Mapping[str, str]) -> bool:
+def _needs_bench(known: Mapping[str, DeviceHead], uses: Mapping[str, str]) -> bool:
     """Whether something is worked on in a holder, and the only holders are shelves with one
     above the other.
     """
     holders = [
-        used_device for used_device in uses.values() if "holder" in all_known[used_device].offers
+        used_device for used_device in uses.values() if "holder" in known[used_device].offers
     ]
-    return any("holder" in all_known[used_device].needs for used_device in uses.values()) and {
+    return any("holder" in known[used_device].needs for used_device in uses.values()) and {
         *holders
     } <= {"plate_hotel"}
 
 
-def _devices_used(device: str, all_known: Mapping[str, DeviceHead]) -> Iterator[str]:
+def _devices_used(device: str, known: Mapping[str, DeviceHead]) -> Iterator[str]:
     """A device and all that it uses."""
     yield device
-    for name in all_known[device].uses:
-        yield from _devices_used(name, all_known)
+    for name in known[device].uses:
+        yield from _devices_used(name, known)
 
 
 def _domain_text(folder: Path, name: str, uses: dict[str, str]) -> str:

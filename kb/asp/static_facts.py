@@ -22,13 +22,8 @@ from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Variable, term
 TRIAL_INSTANCES = 20_000_000  # instances: what may have more is grounded on trial first
 UNBOUNDED_INSTANCES = 1e18  # instances: more than that is not told apart
 RULE_ROUNDS = 4  # rules that build on one another, in a row
-STATIC_FIELDS = (
-    "types",
-    "functions",
-    "objects",
-    "predicates",
-    "asp",
-)  # what of a domain static facts depend on
+# what of a domain static facts depend on
+STATIC_FIELDS = ("types", "further_parents", "functions", "objects", "predicates", "asp")
 KEPT_GROUNDERS = 3  # problems whose evaluated facts are kept
 # names with which a statement may begin
 HEAD_NAME = re.compile(r"(?:^|\.)[\s{]*([a-z_]\w*)", re.MULTILINE)
@@ -128,7 +123,7 @@ def only_given(problem: Problem, further: Iterable[str] = ()) -> dict[Signature,
         facts.setdefault((fact.name, len(fact.arguments)), {})[fact] = None
     heads = {name for text in further for name in HEAD_NAME.findall(text)}
     ruled = {statement.defines for statement in domain.asp} | {
-        (own_type.parent, 1) for own_type in domain.types.values()
+        (own_type, 1) for type_ in domain.types for own_type in domain.parents(type_)
     }
     ruled |= {(function.result, 1) for function in domain.functions.values()}
     return {

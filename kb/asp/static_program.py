@@ -39,7 +39,8 @@ def dependency_closure(domain: Domain, about: Collection[str]) -> set[str]:
     """Some predicates and all that they rest on, by rules, types and compound terms."""
     used: dict[str, set[str]] = {}
     for type_ in domain.types.values():
-        used.setdefault(type_.parent, set()).add(type_.name)
+        for parent in domain.parents(type_.name):
+            used.setdefault(parent, set()).add(type_.name)
     for function in domain.functions.values():
         used.setdefault(function.result, set()).update(function.arguments)
     for statement in domain.asp:
@@ -56,7 +57,8 @@ def dependency_closure(domain: Domain, about: Collection[str]) -> set[str]:
 def _type_rules(domain: Domain) -> Iterator[tuple[str, str]]:
     """The rules of types and compound terms, each with the type about which it speaks."""
     for type_ in domain.types.values():
-        yield type_.parent, f"{type_.parent}(X) :- {type_.name}(X)."
+        for parent in domain.parents(type_.name):
+            yield parent, f"{parent}(X) :- {type_.name}(X)."
     for function in domain.functions.values():
         if any(argument in NUMERIC_TYPES for argument in function.arguments):
             continue

@@ -346,13 +346,13 @@ class _FileLayout:
         return indents
 
     def _of_comment(
-        self, line: int, old: dict[int, int], indents: dict[int, int], known_lines: list[int]
+        self, line: int, old: dict[int, int], indents: dict[int, int], known: list[int]
     ) -> int:
         """A comment moves with the line below it, or with the one above if it stands as far in
         as that one.
         """
-        below = next((n for n in known_lines if n > line), None)
-        above = next((n for n in reversed(known_lines) if n < line), None)
+        below = next((n for n in known if n > line), None)
+        above = next((n for n in reversed(known) if n < line), None)
         near = [n for n in (below, above) if n is not None]
         same = [n for n in near if old[n] == old[line]] or near
         return max(old[line] + indents[same[0]] - old[same[0]], 0) if same else old[line]

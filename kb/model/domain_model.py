@@ -268,6 +268,10 @@ class Domain:
     )  # roles of conventions: their names in this domain
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     tools: tuple[str, ...] = RUN_TOOLS  # what a run plans with, the preferred ones first
+    unit_of_cost: int = 1  # costs of operators count in parts of 1, so that all are whole
+    further_parents: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # types with several parents: those beside `Type.parent`
 
     @property
     def conventions(self) -> "Conventions":
@@ -287,10 +291,18 @@ class Domain:
         if ancestor == OBJECT_TYPE:
             return name == OBJECT_TYPE or name not in BUILT_IN_TYPES
         while name != ancestor:
+            if any(self.is_subtype(each, ancestor) for each in self.further_parents.get(name, ())):
+                return True
             if name not in self.types:
                 return False
             name = self.types[name].parent
         return True
+
+    def parents(self, name: str) -> tuple[str, ...]:
+        """The types right above a type."""
+        if name not in self.types:
+            return ()
+        return (self.types[name].parent, *self.further_parents.get(name, ()))
 
 
 Point = tuple[int, int, int]  # micrometres

@@ -120,10 +120,15 @@ def value_change(
 def distinct_quantities(changed: Iterable[tuple[Function, Function]]) -> list[Comparison]:
     """What keeps the two quantities of each pair from being the same one."""
     return [
-        Comparison(_as_tuple(first), "!=", _as_tuple(second))
+        compare_arguments(first, "!=", second)
         for first, second in changed
         if first.name == second.name
     ]
+
+
+def compare_arguments(one: Function, relation: str, other: Function) -> Comparison:
+    """That two quantities of one name are the same one (`=`), or not (`!=`)."""
+    return Comparison(_as_tuple(one), relation, _as_tuple(other))
 
 
 def _as_tuple(quantity: Function) -> Term:

@@ -6,11 +6,13 @@ hundreds of thousands of pieces.
 
 import json
 from collections.abc import Iterable, Mapping
+from decimal import Decimal
 from json.encoder import encode_basestring
 from typing import Any
 
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from cellwright.engine.model.plan_times import earliest_starts, object_histories, plan_makespan
+from cellwright.engine.model.task_costs import cost_number
 from cellwright.kb.diagnostics import Diagnostic
 from cellwright.kb.model.conditions import And
 from cellwright.kb.model.plan_model import Plan, StepId
@@ -23,6 +25,8 @@ def json_text(value: Any, blank: str = "\n") -> str:
         return encode_basestring(value)
     if type(value) is int:
         return str(value)
+    if isinstance(value, Decimal):
+        return f"{value:f}"
     inner = blank + " "
     if isinstance(value, dict) and value and all(type(key) is str for key in value):
         pairs = [
@@ -99,7 +103,7 @@ def outcome_entry(
             return {
                 "plan": {
                     "problem": entry,
-                    **plan_data(plan, starts),
+                    **plan_data(plan, problem, starts),
                     **history_entry(plan, problem, starts),
                 }
             }
@@ -117,11 +121,11 @@ def statistics_entry(figures: Statistics) -> dict[str, Any]:
     }
 
 
-def plan_data(plan: Plan, starts: Starts = None) -> dict[str, Any]:
+def plan_data(plan: Plan, problem: Problem, starts: Starts = None) -> dict[str, Any]:
     """A plan as `cellwright validate` reads it, without its problem."""
     starts = earliest_starts(plan) if starts is None else starts
     return {
-        "cost": plan.cost,
+        "cost": cost_number(plan.cost, problem.domain),
         "makespan": plan_makespan(plan, starts),
         "steps": [
             {
@@ -131,7 +135,7 @@ def plan_data(plan: Plan, starts: Starts = None) -> dict[str, Any]:
                 "resources": [str(resource) for resource in step.resources],
                 "start": starts[step.id],
                 "duration": step.duration,
-                "cost": step.cost,
+                "cost": cost_number(step.cost, problem.domain),
             }
             for step in plan.steps
         ],

@@ -158,34 +158,32 @@ def _lying_sigma(
     )
 
 
-def _deviations(
-    values_by_feature: Mapping[Key, _FeatureValues],
-) -> dict[Key, tuple[float, ...] | None]:
+def _deviations(known: Mapping[Key, _FeatureValues]) -> dict[Key, tuple[float, ...] | None]:
     """How far each value of each feature is from what its neighbours let expect, in standard
     deviations; None if they tell nothing.
     """
-    deviations: dict[Key, tuple[float, ...] | None] = dict.fromkeys(values_by_feature)
+    deviations: dict[Key, tuple[float, ...] | None] = dict.fromkeys(known)
     surfaces = dict[tuple[str, str, float | None], list[Key]]()
-    for key, values_known in values_by_feature.items():
+    for key, values_known in known.items():
         if values_known.point is not None and all(map(value_sigma, values_known.values)):
             surfaces.setdefault(
                 (values_known.last.quantity, values_known.last.unit, values_known.last.nominal), []
             ).append(key)
     for keys in surfaces.values():
-        deviations |= _neighbour_deviations(values_by_feature, keys)
+        deviations |= _neighbour_deviations(known, keys)
     return deviations
 
 
 def _neighbour_deviations(
-    values_by_feature: Mapping[Key, _FeatureValues], keys: Sequence[Key]
+    known: Mapping[Key, _FeatureValues], keys: Sequence[Key]
 ) -> dict[Key, tuple[float, ...] | None]:
-    places = [values_by_feature[key].point for key in keys]
+    places = [known[key].point for key in keys]
     at = np.array([place.position for place in places if place is not None])
     along = np.array([place.normal for place in places if place is not None], float)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    groups = [agreeing_sets(values_by_feature[key].values) for key in keys]
+    groups = [agreeing_sets(known[key].values) for key in keys]
     means = [
-        weighted_mean(values_by_feature[key].values, indices[0])
+        weighted_mean(known[key].values, indices[0])
         for key, indices in zip(keys, groups, strict=True)
     ]
     first, sigma = np.array(means).T
@@ -197,7 +195,7 @@ def _neighbour_deviations(
         hope, unsure = float(hopes.value[number]), float(hopes.sigma[number])
         off = (
             (value.value - hope) / math.hypot(value_sigma(value), unsure)
-            for value in values_by_feature[key].values
+            for value in known[key].values
         )
         deviations[key] = tuple(off) if hopes.known[number] else None
     return deviations

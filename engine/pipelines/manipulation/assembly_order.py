@@ -104,7 +104,7 @@ def order_moves(
 def _follow_plan(
     yard: AssemblyYard,
     plan: Plan,
-    tried_moves: dict[Key, tuple[Carry, ...] | MoveObstacle],
+    known: dict[Key, tuple[Carry, ...] | MoveObstacle],
     spots: Mapping[str, PartSpot],
     near: Floats,
 ) -> Iterator[tuple[PartMove, tuple[Carry, ...]] | MoveObstacle]:
@@ -114,9 +114,9 @@ def _follow_plan(
             continue
         move = move_of(step.operator)
         key = key_of(move, spots, near)
-        if key not in tried_moves:
-            tried_moves[key] = yard.moved(move, spots, near)
-        answer = tried_moves[key]
+        if key not in known:
+            known[key] = yard.moved(move, spots, near)
+        answer = known[key]
         if isinstance(answer, MoveObstacle):
             yield answer
             return

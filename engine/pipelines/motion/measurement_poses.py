@@ -79,7 +79,7 @@ def known_poses(
     problem: Problem,
     cell: Cell,
     backend: GeometryBackend,
-    known_before: Mapping[Key, MeasurementPoses] | None = None,
+    known: Mapping[Key, MeasurementPoses] | None = None,
     only: Collection[str] | None = None,
 ) -> PoseKnowledge:
     """The poses of every measurement that a tool is chosen for, or of some.
@@ -113,9 +113,9 @@ def known_poses(
                 for place in places
                 if (name := measured_at(words, place.name))
             ]
-            poses_found |= _poses_of_alike(room, asked, station, known_before or {})
+            poses_found |= _poses_of_alike(room, asked, station, known or {})
     reused = sum(
-        poses_found[key] is old for key, old in (known_before or {}).items() if key in poses_found
+        poses_found[key] is old for key, old in (known or {}).items() if key in poses_found
     )
     return PoseKnowledge(
         poses_found, reused, len(poses_found) - reused, unasked, tuple(name for name, _ in stations)
@@ -149,7 +149,7 @@ def _poses_of_alike(
     room: CellState,
     asked: Sequence[SoughtMeasurement],
     station: str,
-    known_before: Mapping[Key, MeasurementPoses],
+    known: Mapping[Key, MeasurementPoses],
 ) -> dict[Key, MeasurementPoses]:
     """The poses of measurements that are taken alike: those that are known and still valid, and
     all others found now.
@@ -163,7 +163,7 @@ def _poses_of_alike(
     missing = []
     for measurement in asked:
         key = (measurement.measurement, measurement.place.tool, station)
-        old = known_before.get(key)
+        old = known.get(key)
         if old is not None and _is_valid(old, standing_bodies, footing, measurement):
             poses_found[key] = old
         else:

@@ -25,7 +25,7 @@ def find_overstays(
     plan: Plan,
     starts: Mapping[StepId, int],
     longest: Mapping[Term, int],
-    semantics: Semantics,
+    known: Semantics,
 ) -> tuple[Overstay, ...]:
     """What stays too long when the steps of a plan that is right start at these times, from the
     end of the step that brings it.
@@ -33,7 +33,7 @@ def find_overstays(
     if not longest:
         return ()
     ends = {step.id: starts[step.id] + step.duration for step in plan.steps}
-    start = Situation.of(CellDomain(problem), semantics.initial())
+    start = Situation.of(CellDomain(problem), known.initial())
     stays_found = (
         Overstay(stay.thing, stay.place, starts[stay.target] - ends[stay.source], stay.most)
         for stay in stays_of(plan, longest, start)
@@ -89,14 +89,14 @@ def _dwell_limits(atom: Atom, longest: Mapping[Term, int]) -> Iterator[_DwellLim
             yield _DwellLimit(", ".join(map(str, things_there)), str(place), most)
 
 
-def wishes_for(semantics: Semantics, *plans: Plan) -> Wishes:
+def wishes_for(known: Semantics, *plans: Plan) -> Wishes:
     """What the domain says about the times of plans.
 
     Where steps spend the declared travel time themselves, there is none between steps.
     """
     domain, stated = (
-        semantics.problem.domain,
-        wishes_of(semantics.statics, semantics.problem.domain.conventions),
+        known.problem.domain,
+        wishes_of(known.statics, known.problem.domain.conventions),
     )
     if travels_itself(domain):
         return replace(stated, travel={}, stops=frozenset())
@@ -105,9 +105,9 @@ def wishes_for(semantics: Semantics, *plans: Plan) -> Wishes:
     steps = (step for plan in plans for step in plan.steps)
     terms = dict.fromkeys(term for s in steps for term in (*s.operator.arguments, *s.resources))
     mentioned = tuple(
-        t for t in terms if t in stated.stops or (domain.motion and _is_place(semantics.amounts, t))
+        t for t in terms if t in stated.stops or (domain.motion and _is_place(known.amounts, t))
     )
-    travel = TravelWays(mentioned, stated.travel, semantics.amounts, semantics.problem.where)
+    travel = TravelWays(mentioned, stated.travel, known.amounts, known.problem.where)
     return replace(stated, travel=travel, stops=stated.stops.union(mentioned))
 
 

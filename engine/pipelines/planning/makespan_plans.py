@@ -65,11 +65,11 @@ def delay_settings(problem: Problem, task: GroundTask, plan: Plan) -> Plan:
 
 
 def _delay_one_step(
-    task: GroundTask, instances_known: Instances, order: tuple[Step, ...]
+    task: GroundTask, known: Instances, order: tuple[Step, ...]
 ) -> tuple[Step, ...] | None:
     """The order with one step moved back to its turn; None if every one is there, or cannot be."""
     steps = replay_instances(
-        task, instances_known, task.initial, [step_of_order.operator for step_of_order in order]
+        task, known, task.initial, [step_of_order.operator for step_of_order in order]
     )
     for maker, turn in _early_makers(task, steps or ()):
         later_order = (
@@ -79,10 +79,7 @@ def _delay_one_step(
             *order[turn + 1 :],
         )
         replay = replay_instances(
-            task,
-            instances_known,
-            task.initial,
-            [step_of_order.operator for step_of_order in later_order],
+            task, known, task.initial, [step_of_order.operator for step_of_order in later_order]
         )
         if replay is not None and reached_goals(task, _end_state(task, replay)) is not None:
             return later_order

@@ -40,13 +40,11 @@ def expand_forall(problem: Problem) -> Problem:
     )
 
 
-def _expanded_goals(goal: Condition, semantics: Semantics) -> tuple[Condition, ...]:
+def _expanded_goals(goal: Condition, known: Semantics) -> tuple[Condition, ...]:
     if not isinstance(goal, ForAll):
         return (goal,)
     values = [
-        sorted(
-            {atom.arguments[0] for atom in semantics.statics.named(parameter.type)}, key=natural_key
-        )
+        sorted({atom.arguments[0] for atom in known.statics.named(parameter.type)}, key=natural_key)
         for parameter in goal.parameters
     ]
     names = [parameter.variable for parameter in goal.parameters]
@@ -58,9 +56,9 @@ def _expanded_goals(goal: Condition, semantics: Semantics) -> tuple[Condition, .
         ]
     except _Other:
         return (goal,)
-    statics = semantics.facts(frozenset())
+    statics = known.facts(frozenset())
     return (
-        tuple(_undecided_parts(expanded, statics, semantics))
+        tuple(_undecided_parts(expanded, statics, known))
         if 0 < len(expanded) <= MAX_EXPANDED_GOALS
         else (goal,)
     )
@@ -89,12 +87,12 @@ def _bind_condition(condition: Condition, binding: Binding) -> Condition:
 
 
 def _undecided_parts(
-    conditions: list[Condition], statics: CheckerFacts, semantics: Semantics
+    conditions: list[Condition], statics: CheckerFacts, known: Semantics
 ) -> Iterator[Condition]:
     """What is left of conditions when what statics decide is decided."""
     for condition in conditions:
         parts = condition.parts if isinstance(condition, Or) else (condition,)
-        fixed = [part for part in parts if _is_static(part, semantics.problem)]
+        fixed = [part for part in parts if _is_static(part, known.problem)]
         if not any(condition_holds(part, statics, {}) for part in fixed):
             remaining_parts = tuple(part for part in parts if part not in fixed)
             yield remaining_parts[0] if len(remaining_parts) == 1 else Or(remaining_parts)

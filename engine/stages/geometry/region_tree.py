@@ -438,13 +438,11 @@ def _refuse_misfits(existing: Mapping[str, TreeRegion], added: Mapping[str, Tree
             raise ValueError(f"region '{name}' has a size or a pose that is not a finite number")
 
 
-def _in_order(
-    added: Mapping[str, TreeRegion], existing: Mapping[str, TreeRegion]
-) -> list[TreeRegion]:
+def _in_order(added: Mapping[str, TreeRegion], known: Mapping[str, TreeRegion]) -> list[TreeRegion]:
     """The added regions, parents first."""
     above: dict[str, set[str]] = {}
     for name, region in added.items():
-        unknown = [parent for parent in region.parents if parent not in existing]
+        unknown = [parent for parent in region.parents if parent not in known]
         if unknown:
             raise ValueError(f"region '{name}' has no parent '{unknown[0]}' in the tree")
         above[name] = {parent for parent in region.parents if parent in added}
@@ -454,7 +452,7 @@ def _in_order(
         raise ValueError("a region is its own ancestor") from None
 
 
-def _cover_of(region: TreeRegion, existing: Mapping[str, TreeRegion]) -> RegionCover:
+def _cover_of(region: TreeRegion, known: Mapping[str, TreeRegion]) -> RegionCover:
     """The parents, or, when the region reaches out of them, all ancestors.
 
     Raises `OutsideError`.
@@ -462,8 +460,8 @@ def _cover_of(region: TreeRegion, existing: Mapping[str, TreeRegion]) -> RegionC
     if not region.parents:
         return RegionCover((), 0.0)
     hole: UncoveredPoint | None = None
-    for names in (region.parents, _all_ancestors(region, existing)):
-        coverage = cover_piece(region.piece, [existing[name].piece for name in names])
+    for names in (region.parents, _all_ancestors(region, known)):
+        coverage = cover_piece(region.piece, [known[name].piece for name in names])
         if not isinstance(coverage, UncoveredPoint):
             return RegionCover(names, coverage.slack_m)
         hole = hole or coverage
@@ -475,14 +473,14 @@ def _trusted_cover(region: TreeRegion) -> RegionCover:
     return RegionCover(region.parents, COVER_ROUNDING_M if region.parents else 0.0)
 
 
-def _all_ancestors(region: TreeRegion, existing: Mapping[str, TreeRegion]) -> tuple[str, ...]:
+def _all_ancestors(region: TreeRegion, known: Mapping[str, TreeRegion]) -> tuple[str, ...]:
     ancestors: dict[str, None] = {}
     open_ = list(region.parents)
     while open_:
         name = open_.pop(0)
         if name not in ancestors:
             ancestors[name] = None
-            open_ += existing[name].parents
+            open_ += known[name].parents
     return tuple(ancestors)
 
 

@@ -79,6 +79,8 @@ def _type_lineage(name: str, domain: Domain) -> list[object]:
     declarations: list[object] = []
     while name in domain.types:
         declarations.append(domain.types[name])
+        for further in domain.further_parents.get(name, ()):
+            declarations += [further, *_type_lineage(further, domain)]
         name = domain.types[name].parent
     return declarations
 

@@ -139,12 +139,12 @@ class LiftedExecution:
         prepared = self.world.ground_step(step.operator)
         return self.take_known(step, prepared) if prepared is not None else self.take_any(step)
 
-    def take_known(self, step: Step, ground_step: GroundStep) -> str:
+    def take_known(self, step: Step, known: GroundStep) -> str:
         """Execute a prepared step. Returns the reason why it cannot be taken, or an empty text."""
-        if ground_step.refusal or not ground_step.applicable(self.facts):
-            return ground_step.refusal or "its precondition does not hold"
-        ends = ground_step.ended(self.facts, self.world.statics)
-        change = self.changes[step.id] = StepChange(ground_step.adds, ends, ground_step.events)
+        if known.refusal or not known.applicable(self.facts):
+            return known.refusal or "its precondition does not hold"
+        ends = known.ended(self.facts, self.world.statics)
+        change = self.changes[step.id] = StepChange(known.adds, ends, known.events)
         self.facts = change.applied(self.facts)
         return ""
 

@@ -80,12 +80,12 @@ def _plan_anew(
     ground: MotionScene,
     lines: Edges,
     query: PathQuery,
-    best_known: tuple[Floats, Floats],
+    known: tuple[Floats, Floats],
     seed: int,
     work: int,
 ) -> Floats | None:
     """Another path, by trees in the box around all better ones."""
-    best, speeds = best_known
+    best, speeds = known
     low, high = sampling_bounds(ground.scene.joints, query)
     half = path_time_s(best, speeds) * speeds / 2
     ends = np.vstack([query.start[None], query.goals])

@@ -377,22 +377,14 @@ class KeptRoadmaps:
         self._see(known_roadmap, np.nonzero(known_roadmap.unseen)[0])
         return known_roadmap.roadmap
 
-    def _see(self, known_roadmap: _KnownRoadmap, edges: Longs) -> bool:
+    def _see(self, known: _KnownRoadmap, edges: Longs) -> bool:
         """Look at some edges, by their numbers, and tell whether all of them are free."""
-        roadmap, free, unseen = (
-            known_roadmap.roadmap,
-            known_roadmap.roadmap.free.copy(),
-            known_roadmap.unseen.copy(),
-        )
+        roadmap, free, unseen = known.roadmap, known.roadmap.free.copy(), known.unseen.copy()
         seen = map_nodes(
-            known_roadmap.ground,
-            roadmap.nodes,
-            roadmap.edges[edges],
-            roadmap.step,
-            roadmap.margin_m,
+            known.ground, roadmap.nodes, roadmap.edges[edges], roadmap.step, roadmap.margin_m
         )
         free[edges], unseen[edges] = seen.free, False
-        known_roadmap.roadmap, known_roadmap.unseen = replace(roadmap, free=free), unseen
+        known.roadmap, known.unseen = replace(roadmap, free=free), unseen
         self.work.seen += len(edges)
         return bool(seen.free.all())
 
@@ -412,14 +404,14 @@ class KeptRoadmaps:
                 return shorter
         return prove_moved(ground, moved, query.margin_m)
 
-    def _route(self, known_roadmap: _KnownRoadmap, query: PathQuery) -> Floats | None:
+    def _route(self, known: _KnownRoadmap, query: PathQuery) -> Floats | None:
         """The shortest route (m, k) from the start to a goal; edges and joins are looked at
         when a route needs them.
         """
-        count = len(known_roadmap.roadmap.nodes)
+        count = len(known.roadmap.nodes)
         if not count:
             return None
-        joined, own = _join_ends(known_roadmap, query), len(known_roadmap.roadmap.edges)
+        joined, own = _join_ends(known, query), len(known.roadmap.edges)
         path = None
         for _ in range(MAX_ROUTES):
             open_ = joined.roadmap.free | joined.unseen
@@ -430,8 +422,8 @@ class KeptRoadmaps:
             if self._see(joined, edges[joined.unseen[edges]]):
                 path = np.ascontiguousarray(joined.roadmap.nodes[list(route)])
                 break
-        known_roadmap.roadmap = replace(known_roadmap.roadmap, free=joined.roadmap.free[:own])
-        known_roadmap.unseen = joined.unseen[:own]
+        known.roadmap = replace(known.roadmap, free=joined.roadmap.free[:own])
+        known.unseen = joined.unseen[:own]
         return path
 
 
@@ -485,17 +477,17 @@ def _with_edges(
     return grown, np.concatenate([unseen, np.ones(len(more), dtype=bool)])
 
 
-def _join_ends(known_roadmap: _KnownRoadmap, query: PathQuery) -> _KnownRoadmap:
+def _join_ends(known: _KnownRoadmap, query: PathQuery) -> _KnownRoadmap:
     """What is known, with the start and then the goals behind the nodes, joined to the nearest
     of them by edges that are unseen.
     """
-    nodes, ends = known_roadmap.roadmap.nodes, np.vstack([query.start[None], query.goals])
+    nodes, ends = known.roadmap.nodes, np.vstack([query.start[None], query.goals])
     joins = []
     for end, q in enumerate(ends, len(nodes)):
         away = np.abs(nodes - q).max(axis=1)
         joins += [(int(n), end) for n in np.argsort(away, kind="stable")[:NEAREST_NODES]]
-    wider = replace(known_roadmap.roadmap, nodes=np.vstack([nodes, ends]))
-    return _KnownRoadmap(known_roadmap.ground, *_with_edges(wider, known_roadmap.unseen, joins))
+    wider = replace(known.roadmap, nodes=np.vstack([nodes, ends]))
+    return _KnownRoadmap(known.ground, *_with_edges(wider, known.unseen, joins))
 
 
 def _edge_numbers(roadmap: Roadmap, route: tuple[int, ...]) -> Longs:

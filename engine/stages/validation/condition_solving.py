@@ -329,7 +329,11 @@ def order_condition(
 ) -> OrderedCondition | None:
     """A condition in order once some variables have values; None if it is of another kind."""
     if isinstance(part, Literal):
-        return OrderedCondition(parameters, part, (part,), parameters) if part.positive else None
+        return (
+            OrderedCondition(parameters, part, (part,), parameters)
+            if _binds_all(part, parameters)
+            else None
+        )
     body = tuple(
         conjunct for conjunct in goal_parts(part) if isinstance(conjunct, Literal | Comparison)
     )
@@ -341,6 +345,16 @@ def order_condition(
     if any(isinstance(conjunct, Literal) and not conjunct.positive for conjunct in body):
         return None
     return OrderedCondition(parameters, part, order_body(body, bindings), ())
+
+
+def _binds_all(part: Literal, parameters: Iterable[Parameter]) -> bool:
+    """Whether a fact that matches a literal gives all parameters a value.
+
+    A type without values has none for the others.
+    """
+    return part.positive and {each.variable for each in parameters} <= set(
+        term_variables(part.atom)
+    )
 
 
 def _solve_ordered(
@@ -360,7 +374,7 @@ def _bind_quantified(
     """Bindings of quantified variables: from the facts if the part is a literal, else from the
     types.
     """
-    if isinstance(part, Literal) and part.positive:
+    if isinstance(part, Literal) and _binds_all(part, parameters):
         for literal_bindings in _solve_literal(
             substitute_atom(part.atom, bindings), True, facts, bindings, facts
         ):

@@ -223,9 +223,9 @@ class StaticDeductions:
                 yield substitute_atom(consequence.atom, solution)
 
 
-def remember_value(cache: dict[K, V], key: K, value: V) -> V:
+def remember_value(known: dict[K, V], key: K, value: V) -> V:
     """A value that is remembered from now on. When too many are, all are forgotten."""
-    if len(cache) >= MAX_REMEMBERED_ATOMS:
-        cache.clear()
-    cache[key] = value
+    if len(known) >= MAX_REMEMBERED_ATOMS:
+        known.clear()
+    known[key] = value
     return value

@@ -158,17 +158,17 @@ def disturbing_pairs(
         _enter_place(exposed, own.exposed, place)
 
 
-def _enter_place(places_by_key: Known, keys: Iterable[Hashable], place: int) -> None:
+def _enter_place(known: Known, keys: Iterable[Hashable], place: int) -> None:
     for key in keys:
-        first, bits = places_by_key.get(key, (place, 0))
-        places_by_key[key] = first, bits | 1 << place - first
+        first, bits = known.get(key, (place, 0))
+        known[key] = first, bits | 1 << place - first
 
 
-def _places_behind(places_by_key: Known, keys: Iterable[Hashable], first: int) -> int:
+def _places_behind(known: Known, keys: Iterable[Hashable], first: int) -> int:
     """The places that are known for some keys, as bits from a first place on."""
     later_places = 0
     for key in keys:
-        if (own := places_by_key.get(key)) is not None:
+        if (own := known.get(key)) is not None:
             own_first, bits = own
             later_places |= (
                 bits >> first - own_first if first >= own_first else bits << own_first - first

@@ -410,9 +410,9 @@ def _explained_pixels(
     return np.asarray(ndimage.binary_dilation(explained, iterations=BESIDE_PX))
 
 
-def _unexplained_regions(image: DepthImage, known_mask: Truths) -> list[Unexplained]:
+def _unexplained_regions(image: DepthImage, known: Truths) -> list[Unexplained]:
     """What is seen and belongs to nothing, the largest first."""
-    open_ = ndimage.binary_opening((image.depth > 0) & ~known_mask, iterations=2)
+    open_ = ndimage.binary_opening((image.depth > 0) & ~known, iterations=2)
     label, count = ndimage.label(open_)
     regions = []
     for n, box in enumerate(ndimage.find_objects(label, max_label=count)):

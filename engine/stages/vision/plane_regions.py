@@ -138,13 +138,13 @@ class PlaneRegion:
     pixels: int
 
 
-def regions_of(image: DepthImage, known_mask: Truths) -> list[PlaneRegion]:
+def regions_of(image: DepthImage, known: Truths) -> list[PlaneRegion]:
     """The plane regions of an image, the largest first; pixels of what is `known` (height,
     width) belong to none.
     """
     depth = image.depth
     inverse = np.where(depth > 0, 1.0 / np.where(depth > 0, depth, 1.0), 0.0)
-    label = np.where(known_mask, -1, 0).astype(np.int64)
+    label = np.where(known, -1, 0).astype(np.int64)
     grower = Grower(inverse, label)
     planes = _grow_regions(grower, image.noise_m)
     boxes = ndimage.find_objects(np.maximum(label, 0), max_label=len(planes))

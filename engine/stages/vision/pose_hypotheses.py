@@ -48,7 +48,7 @@ def solid_symmetries(solid: Solid) -> tuple[Floats, ...]:
 
 
 def partial_symmetries(
-    solid: Solid, exact: tuple[Floats, ...], points: Floats, normals: Floats
+    solid: Solid, known: tuple[Floats, ...], points: Floats, normals: Floats
 ) -> tuple[Floats, ...]:
     """Poses (4, 4) in which most of some points (n, 3) on a solid, with their normals, lie on its
     facets' planes, except for those that are known. The likest come first.
@@ -71,7 +71,7 @@ def partial_symmetries(
                 normals @ T[:3, :3].T @ planes.T > 1 - 1e-3
             )
             share = float(near.any(axis=1).mean())
-            earlier_poses = [*exact, *(pose for _, pose in candidates)]
+            earlier_poses = [*known, *(pose for _, pose in candidates)]
             if share > LIKE and all(
                 np.abs(T - earlier).max() > DIFFERENT_POSES for earlier in earlier_poses
             ):

@@ -197,13 +197,13 @@ def _surface_ends(inverse: Floats, before: WindowPlanes, after: WindowPlanes, ax
     return ends & (inverse > 0)
 
 
-def _answer_share(answered: Floats, axis: int, towards: int) -> Floats:
+def _answer_share(known: Floats, axis: int, towards: int) -> Floats:
     """The share (h, w) of the window beside each pixel that has answers; what lies beyond the
     picture counts as if it had.
     """
     steps = np.arange(-WINDOW_REACH_PX, WINDOW_REACH_PX + 1) * towards
     weights = ((steps >= 1) & (steps <= WINDOW_REACH_PX)) / WINDOW_REACH_PX
-    along = ndimage.correlate1d(answered, weights, axis=axis, mode="constant", cval=1.0)
+    along = ndimage.correlate1d(known, weights, axis=axis, mode="constant", cval=1.0)
     share: Floats = ndimage.uniform_filter1d(
         along, 2 * WINDOW_BESIDE_PX + 1, axis=1 - axis, mode="nearest"
     )

@@ -251,11 +251,11 @@ def _spread_ranges(expected_m: Floats, wide: int) -> Floats:
     return spread_ranges
 
 
-def _keep_known(image: RangeImage, whole: Floats, usable: Truths) -> RangeImage:
+def _keep_known(image: RangeImage, whole: Floats, known: Truths) -> RangeImage:
     return replace(
         image,
-        range_m=np.where(usable, whole, 0.0),
-        strength=np.where(usable, image.strength, 0.0),
+        range_m=np.where(known, whole, 0.0),
+        strength=np.where(known, image.strength, 0.0),
         wrapped=False,
     )
 

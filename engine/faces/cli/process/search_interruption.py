@@ -14,6 +14,7 @@ from cellwright.engine.model.answer_wording import count_noun
 from cellwright.kb import stopping
 
 if TYPE_CHECKING:
+    from cellwright.kb.model.domain_model import Domain
     from cellwright.kb.model.plan_model import Plan
 
 
@@ -72,12 +73,14 @@ class SearchInterruption:
         """
         return not self.told and self._is_over()
 
-    def tell(self, plan: "Plan") -> None:
-        """Report a better plan on standard error."""
-        seconds = time.monotonic() - self.started
+    def tell(self, plan: "Plan", domain: "Domain") -> None:
+        """Report a better plan for a problem of a domain on standard error."""
+        from cellwright.engine.model.task_costs import cost_text
+
+        seconds, cost = time.monotonic() - self.started, cost_text(plan.cost, domain)
         with progress_line.hushing_progress():
             _say_on_stderr(
-                f"{count_noun(len(plan.steps), 'step')}, cost {plan.cost}, after {seconds:.1f} s\n"
+                f"{count_noun(len(plan.steps), 'step')}, cost {cost}, after {seconds:.1f} s\n"
             )
 
     def tell_cost(self, cost: int) -> None:

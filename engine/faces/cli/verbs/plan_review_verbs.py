@@ -24,6 +24,7 @@ from cellwright.engine.faces.cli.process.exit_codes import FINDINGS, GAVE_UP, IN
 from cellwright.engine.model.answer_wording import count_noun
 
 if TYPE_CHECKING:
+    from cellwright.kb.diagnostics import Diagnostic
     from cellwright.kb.model.plan_model import Claims, Plan
     from cellwright.kb.model.planning_problem import Problem
 
@@ -143,7 +144,7 @@ def _validate_pddl(domain: Path, task: Path, made: Path) -> VerbAnswer:
     from cellwright.engine.formats.interop.pddl.competition_plans import read_plan
 
     read = read_pddl_task(domain, task)
-    return _plan_verdict(read.problem, read_plan(read, made), str(made))
+    return _plan_verdict(read.problem, read_plan(read, made), str(made), warnings=read.warnings)
 
 
 def _validate_plan(file: Path, target: str) -> VerbAnswer:
@@ -158,7 +159,11 @@ def _validate_plan(file: Path, target: str) -> VerbAnswer:
 
 
 def _plan_verdict(
-    problem: "Problem", plan: "Plan", name: str, claims: "Claims | None" = None
+    problem: "Problem",
+    plan: "Plan",
+    name: str,
+    claims: "Claims | None" = None,
+    warnings: "tuple[Diagnostic, ...]" = (),
 ) -> VerbAnswer:
     """The verdict of the checker.
 
@@ -166,25 +171,28 @@ def _plan_verdict(
     """
     from rich.text import Text
 
+    from cellwright.engine.model.task_costs import cost_number, cost_text
     from cellwright.engine.pipelines.planning import plan_files
 
     plan_diagnostics = plan_files.check_plan(problem, plan, name, claims)
     if plan_diagnostics:
         counts = {"steps": len(plan.steps), "links": len(plan.links)}
-        return VerbAnswer("invalid", counts, code=FINDINGS, diagnostics=tuple(plan_diagnostics))
+        return VerbAnswer(
+            "invalid", counts, code=FINDINGS, diagnostics=(*plan_diagnostics, *warnings)
+        )
     last = plan_files.plan_end(plan, claims)
     content: dict[str, object] = {
         "steps": len(plan.steps),
-        "cost": plan.cost,
+        "cost": cost_number(plan.cost, problem.domain),
         "links": len(plan.links),
     }
     lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
     steps, links = count_noun(len(plan.steps), "step"), count_noun(len(plan.links), "causal link")
-    verdict_text = f"valid: {steps}, cost {plan.cost}{lasts}, {links}"
+    verdict_text = f"valid: {steps}, cost {cost_text(plan.cost, problem.domain)}{lasts}, {links}"
     unmet = plan_files.unmet_times(problem, plan, claims)
     content |= unmet.entry()
     verdict_text = "\n".join((verdict_text, *unmet.lines(problem.domain.time_unit)))
-    return VerbAnswer("valid", content, text=lambda: Text(verdict_text))
+    return VerbAnswer("valid", content, text=lambda: Text(verdict_text), diagnostics=warnings)
 
 
 def revise_plan_file(

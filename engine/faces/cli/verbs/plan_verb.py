@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from cellwright.engine.pipelines.motion.moving_plan import MovingRun
     from cellwright.engine.pipelines.planning.plan_objective import Run
     from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.kb.model.domain_model import Domain
     from cellwright.kb.model.planning_problem import Problem
 
 
@@ -313,7 +314,7 @@ def _make_plan(
     from cellwright.engine.pipelines.planning.library_plans import plan_with_library
 
     problem = task.problem if task else _wanted_problem(wanted)
-    limits = _search_limits(work, interrupted, task is not None)
+    limits = _search_limits(work, interrupted, problem.domain, task is not None)
     wish = objectives.PlanningObjective(work.objective.value) if work.objective else None
     order = objectives.SequenceChoice(work.order.value)
     if work.motion:
@@ -342,7 +343,7 @@ def _wanted_problem(wanted: PlanRequest) -> "Problem":
 
 
 def _search_limits(
-    work: SearchOptions, interrupted: "SearchInterruption", pddl: bool
+    work: SearchOptions, interrupted: "SearchInterruption", domain: "Domain", pddl: bool
 ) -> "SearchLimits":
     """When the search ends. A PDDL problem gets little room for exact search, and no restarts."""
     from cellwright.engine.stages.planning import (
@@ -361,7 +362,7 @@ def _search_limits(
         thorough=work.anytime,
         strategy=work.strategy,
         seed=work.seed,
-        improved=interrupted.tell if work.anytime else lambda _: None,
+        improved=(lambda plan: interrupted.tell(plan, domain)) if work.anytime else lambda _: None,
     )
 
 

@@ -1,19 +1,27 @@
 """Plans in the format of the planning competitions: one action per line, in order."""
 
 from collections.abc import Iterator
-from fractions import Fraction
 from pathlib import Path
 
 from cellwright.engine.formats.interop.pddl import PddlProblem
 from cellwright.engine.formats.interop.pddl.expressions import plan_actions
+from cellwright.engine.model.task_costs import cost_text
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, nearest_hint
 from cellwright.kb.files import File, read_file
 from cellwright.kb.loader.problem_amounts import amounts_of
-from cellwright.kb.model.conditions import Literal
+from cellwright.kb.model.conditions import Comparison, Literal
 from cellwright.kb.model.domain_model import NUMERIC_TYPES, Operator
 from cellwright.kb.model.operator_amounts import step_of
 from cellwright.kb.model.plan_model import Plan, Step, StepId
-from cellwright.kb.terms import Function, Number, Term, Variable, match_term, substitute_atom
+from cellwright.kb.terms import (
+    Function,
+    Number,
+    Term,
+    Variable,
+    match_term,
+    substitute_atom,
+    substitute_term,
+)
 
 
 def write_plan(task: PddlProblem, plan: Plan) -> str:
@@ -23,9 +31,7 @@ def write_plan(task: PddlProblem, plan: Plan) -> str:
         f"({' '.join(_action_words(task, operators[step.operator.name], step.operator))})"
         for step in plan.steps
     ]
-    cost = Fraction(plan.cost, task.unit_of_cost)
-    said = cost if cost.denominator == 1 else float(cost)
-    return "\n".join([*lines, f"; cost = {said}"]) + "\n"
+    return "\n".join([*lines, f"; cost = {cost_text(plan.cost, task.problem.domain)}"]) + "\n"
 
 
 def _action_words(task: PddlProblem, operator: Operator, instance: Function) -> Iterator[str]:
@@ -56,15 +62,17 @@ def read_plan(task: PddlProblem, path: Path) -> Plan:
 def _read_action(
     task: PddlProblem, words: list[str], file: File, offset: int, diagnostics: list[Diagnostic]
 ) -> Function:
-    names = {task.names.original("operator", o.name): o for o in task.problem.domain.operators}
-    operator = names.get(words[0])
-    if operator is None:
-        hint = nearest_hint(words[0], list(names))
+    operators: dict[str, list[Operator]] = {}
+    for each in task.problem.domain.operators:
+        operators.setdefault(task.names.original("operator", each.name), []).append(each)
+    if words[0] not in operators:
+        hint = nearest_hint(words[0], list(operators))
         diagnostics.append(
             Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint)
         )
         return Function("unreadable")
-    plain = [parameter for parameter in operator.parameters if parameter.type not in NUMERIC_TYPES]
+    first, *variants = operators[words[0]]
+    plain = [parameter for parameter in first.parameters if parameter.type not in NUMERIC_TYPES]
     if len(plain) != len(words) - 1:
         diagnostics.append(
             Diagnostic(file.at(offset), "K102", f"{words[0]} takes {len(plain)} arguments")
@@ -74,8 +82,19 @@ def _read_action(
         parameter.variable: Function(task.names.of("object", word))
         for parameter, word in zip(plain, words[1:], strict=True)
     }
+    operator = next((each for each in (first, *variants) if _fits(each, bindings)), first)
     bindings = _function_values(task, operator, bindings)
     return Function(operator.name, tuple(bindings.get(v, Number(0)) for v in operator.variables))
+
+
+def _fits(operator: Operator, bindings: dict[Variable, Term]) -> bool:
+    """Whether the arguments are equal, or differ, as an operator wants it."""
+    return all(
+        (substitute_term(part.left, bindings) == substitute_term(part.right, bindings))
+        == (part.relation == "=")
+        for part in operator.body
+        if isinstance(part, Comparison)
+    )
 
 
 def _function_values(

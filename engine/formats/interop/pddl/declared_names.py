@@ -1,31 +1,34 @@
 """Declared PDDL names (types, objects, predicates, functions), typed lists, and their ASP names."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, PddlWord
 from cellwright.kb.diagnostics import nearest_hint
 from cellwright.kb.model.conditions import Parameter
 from cellwright.kb.model.domain_model import OBJECT_TYPE, Type
-from cellwright.kb.model.statement import Statement, derivation_statement
-from cellwright.kb.terms import Function, Variable
+from cellwright.kb.terms import Function, Term, Variable
 
 RESERVED_NAMES = {"not", "object", "int", "time", "text"}
 
 
 @dataclass
 class NameMapping:
-    """A one-to-one mapping per kind of name.
+    """A mapping per kind of name. Types, predicates and functions share one, because ASP does not
+    distinguish them.
 
-    Types and predicates share one, because ASP does not distinguish them.
+    A name has one ASP name, and more where something needs several (`another`, `variant`). Each of
+    these has one original.
     """
 
     _given: dict[tuple[str, str], str] = field(default_factory=dict)
     _taken: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def of(self, kind: str, name: str) -> str:
-        """The ASP name of a PDDL name; `kind` is predicate, type, object, operator or variable."""
+        """The ASP name of a PDDL name; `kind` is predicate, function, type, object, operator or
+        variable.
+        """
         given = self._given.get((kind, name))
         if given is None:
             given = self._given[(kind, name)] = self._fresh(kind, name)
@@ -34,6 +37,14 @@ class NameMapping:
     def variable(self, name: str) -> Variable:
         """The variable of `?name`."""
         return Variable(self.of("variable", name.removeprefix("?")))
+
+    def another(self, name: str) -> Variable:
+        """A variable for `?name` that was given to nobody else."""
+        return Variable(self._fresh("variable", name.removeprefix("?")))
+
+    def variant(self, kind: str, name: str) -> str:
+        """One more ASP name of a PDDL name."""
+        return self._fresh(kind, name)
 
     def original(self, kind: str, name: str) -> str:
         """The PDDL name of an ASP name, or the name itself if there is none."""
@@ -52,7 +63,11 @@ class NameMapping:
 
 
 def _name_space(kind: str) -> str:
-    return "predicate" if kind == "type" else kind
+    return "predicate" if kind in ("type", "function") else kind
+
+
+# the variables that may be named at a place, by their PDDL names
+Variables = Mapping[str, Parameter]
 
 
 @dataclass
@@ -61,33 +76,41 @@ class PddlScope:
 
     names: NameMapping = field(default_factory=NameMapping)
     types: dict[str, Type] = field(default_factory=dict)  # by ASP name
-    unions: dict[str, tuple[Statement, ...]] = field(default_factory=dict)  # types made of several
+    # parents beside the first one
+    further: dict[str, tuple[str, ...]] = field(default_factory=dict)
     objects: dict[str, str] = field(default_factory=dict)  # PDDL name: ASP name of its type
     # PDDL name: ASP names of types
     predicates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     functions: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
+    def above(self, name: str) -> tuple[str, ...]:
+        """The types right above a type."""
+        return (self.types[name].parent, *self.further.get(name, ())) if name in self.types else ()
+
     def is_subtype(self, name: str, ancestor: str) -> bool:
         """Whether one type is within another (both are ASP names)."""
-        if ancestor == OBJECT_TYPE:
-            return True
-        if ancestor in self.unions:
-            return any(self.is_subtype(name, part) for part in self._parts(ancestor))
-        seen = 0
-        while name != ancestor and name in self.types and seen <= len(self.types):
-            name, seen = self.types[name].parent, seen + 1
-        return name == ancestor
+        return ancestor in (OBJECT_TYPE, name) or any(
+            self.is_subtype(parent, ancestor) for parent in self.above(name)
+        )
 
     def overlaps(self, first: str, second: str) -> bool:
         """Whether a value of one type may also have the other type."""
-        if first in self.unions:
-            return any(self.overlaps(part, second) for part in self._parts(first))
-        if second in self.unions:
-            return any(self.overlaps(first, part) for part in self._parts(second))
-        return self.is_subtype(first, second) or self.is_subtype(second, first)
+        if self.is_subtype(first, second) or self.is_subtype(second, first):
+            return True
+        return any(
+            self.is_subtype(each, first) and self.is_subtype(each, second) for each in self.types
+        )
 
-    def _parts(self, union: str) -> list[str]:
-        return [use.predicate[0] for statement in self.unions[union] for use in statement.uses]
+    def may_be_same(self, one: Term, other: Term, types: Mapping[Variable, str]) -> bool:
+        """Whether two arguments may have one value; `types` are those of the variables."""
+        if isinstance(one, Function) and isinstance(other, Function):
+            return one == other
+        return self.overlaps(self._type_of_term(one, types), self._type_of_term(other, types))
+
+    def _type_of_term(self, term: Term, types: Mapping[Variable, str]) -> str:
+        if isinstance(term, Variable):
+            return types.get(term, OBJECT_TYPE)
+        return self.objects.get(self.names.original("object", str(term)), OBJECT_TYPE)
 
     def type_of(self, document: Document, at: Expression) -> str:
         """The ASP name of a type as written; `(either a b)` becomes a type of its own."""
@@ -106,27 +129,76 @@ class PddlScope:
         return name
 
     def _union(self, parts: list[str]) -> str:
+        """The type above all `parts`."""
         if len(parts) == 1 or OBJECT_TYPE in parts:
             return OBJECT_TYPE if OBJECT_TYPE in parts else parts[0]
-        name = f"either__{'__or__'.join(parts)}"
+        name = self._made("either", parts)
         self.types.setdefault(name, Type(name))
-        value = (Variable("X"),)
-        self.unions[name] = tuple(
-            derivation_statement(Function(name, value), [Function(p, value)]) for p in parts
-        )
+        for part in parts:
+            self.put_under(part, name)
         return name
 
-    def parameters(self, document: Document, parts: Sequence[Expression]) -> tuple[Parameter, ...]:
-        """A typed list of variables."""
-        typed_parameters = []
+    def common(self, parts: Sequence[str]) -> str:
+        """A type of what has all the types in `parts`."""
+        lowest = [
+            part
+            for part in dict.fromkeys(parts)
+            if not any(self.is_subtype(each, part) for each in parts if each != part)
+        ]
+        if len(lowest) <= 1:
+            return lowest[0] if lowest else OBJECT_TYPE
+        name = self._made("both", sorted(lowest))
+        self.types.setdefault(name, Type(name))
+        for part in sorted(lowest):
+            self.put_under(name, part)
+        return name
+
+    def _made(self, kind: str, parts: Sequence[str]) -> str:
+        """The name of a type that is made of others.
+
+        No PDDL name can be equal to it, because it has spaces.
+        """
+        return self.names.of("type", f"{kind} {' '.join(parts)}")
+
+    def put_under(self, name: str, parent: str) -> None:
+        """Make one type a part of another, beside what is above it already."""
+        if parent == OBJECT_TYPE or parent in self.above(name):
+            return
+        known = self.types[name]
+        if known.parent == OBJECT_TYPE:
+            self.types[name] = Type(name, parent, (), known.where)
+        else:
+            self.further[name] = (*self.further.get(name, ()), parent)
+
+    def parameters(
+        self, document: Document, parts: Sequence[Expression], outer: Variables | None = None
+    ) -> dict[str, Parameter]:
+        """A typed list of variables, by their PDDL names.
+
+        One that hides a variable of `outer` is another variable of the model.
+        """
+        listed: dict[str, Parameter] = {}
+        for word, type_ in self._variables(document, parts):
+            if word.text in listed:
+                document.add(word, "K104", f"variable {word.text} is declared twice in one list")
+            hides = outer is not None and word.text in outer
+            variable = (self.names.another if hides else self.names.variable)(word.text)
+            listed[word.text] = Parameter(variable, type_)
+        return listed
+
+    def signature(self, document: Document, parts: Sequence[Expression]) -> tuple[str, ...]:
+        """The types in a typed list of variables."""
+        return tuple(type_ for _, type_ in self._variables(document, parts))
+
+    def _variables(
+        self, document: Document, parts: Sequence[Expression]
+    ) -> Iterator[tuple[PddlWord, str]]:
         for word, type_ in read_typed_list(document, parts):
             if not word.text.startswith("?"):
                 document.add(
                     word, "K801", f"'{word.text}' should be a variable", f"write ?{word.text}"
                 )
-            name = OBJECT_TYPE if type_ is None else self.type_of(document, type_)
-            typed_parameters.append(Parameter(self.names.variable(word.text), name))
-        return tuple(typed_parameters)
+            yield word, OBJECT_TYPE if type_ is None else self.type_of(document, type_)
 
 
 def read_typed_list(
@@ -134,10 +206,13 @@ def read_typed_list(
 ) -> Iterator[tuple[PddlWord, Expression | None]]:
     """The words of a typed list, each with its type, if one is written."""
     waiting: list[PddlWord] = []
+    parts = list(spaced(parts))
     position = 0
     while position < len(parts):
         part = parts[position]
         if isinstance(part, PddlWord) and part.text == "-" and position + 1 < len(parts):
+            if not waiting:
+                document.add(part, "K801", "no name stands before this '-'", "write name - type")
             yield from ((word, parts[position + 1]) for word in waiting)
             waiting = []
             position += 2
@@ -148,3 +223,13 @@ def read_typed_list(
             waiting.append(part)
         position += 1
     yield from ((word, None) for word in waiting)
+
+
+def spaced(parts: Sequence[Expression]) -> Iterator[Expression]:
+    """The parts of a typed list, with `-type` as `-` and `type`: no name begins with a hyphen."""
+    for part in parts:
+        if isinstance(part, PddlWord) and part.text.startswith("-") and len(part.text) > 1:
+            yield PddlWord("-", part.offset)
+            yield PddlWord(part.text[1:], part.offset + 1)
+        else:
+            yield part

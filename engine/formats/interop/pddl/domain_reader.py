@@ -1,10 +1,11 @@
 """Reads the domain file of a PDDL task: declarations, actions and axioms."""
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from cellwright.engine.formats.interop.pddl.declared_names import PddlScope, read_typed_list
+from cellwright.engine.formats.interop.pddl.declared_names import PddlScope, read_typed_list, spaced
 from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, PddlWord
+from cellwright.engine.formats.interop.pddl.keywords import check_actions, check_sections
 from cellwright.engine.formats.interop.pddl.number_reader import function_bindings
 from cellwright.engine.formats.interop.pddl.numeric_functions import TaskFunctions
 from cellwright.engine.formats.interop.pddl.pddl_conditions import ConditionReader
@@ -15,6 +16,7 @@ from cellwright.kb.model.domain_model import (
     BUILT_IN_TYPES,
     OBJECT_TYPE,
     Domain,
+    Effect,
     Kind,
     Operator,
     Predicate,
@@ -22,11 +24,7 @@ from cellwright.kb.model.domain_model import (
     Rule,
     Type,
 )
-from cellwright.kb.terms import Function
-
-PDDL_SECTIONS = (
-    "domain", ":requirements", ":types", ":constants", ":predicates", ":functions", ":action", ":derived",
-)  # fmt: skip
+from cellwright.kb.terms import Function, Variable
 
 
 class DomainReader:
@@ -57,14 +55,8 @@ class DomainReader:
         """Types, constants, predicates and functions; sections that are not supported are
         refused.
         """
-        if self.document.root.head != "define":
-            self.document.add(self.document.root, "K801", "a PDDL file is one (define ...)")
-        for group in self.groups:
-            if group.head not in PDDL_SECTIONS:
-                hint = "only classical planning is supported"
-                self.document.add(
-                    group, "K802", f"{group.head or 'this section'} is not supported", hint
-                )
+        check_sections(self.document, "domain")
+        check_actions(self.document, self._all(":action"))
         for group in self._all(":types"):
             self._types(group.rest)
         for group in self._all(":constants"):
@@ -75,32 +67,59 @@ class DomainReader:
             self._functions(group.rest)
 
     def _types(self, parts: Sequence[Expression]) -> None:
+        """The types, and their parents, which need no declaration of their own.
+
+        All parents of a type count.
+        """
         names, listed = self.scope.names, list(read_typed_list(self.document, parts))
-        parents = [
-            parent for _, parent in listed if isinstance(parent, PddlWord)
-        ]  # a parent type needs no declaration of its own
-        for word in (*(word for word, _ in listed), *parents):
-            if word.text != "object":
-                self.scope.types[names.of("type", word.text)] = Type(names.of("type", word.text))
-        for word, parent in listed:
-            if word.text != "object" and parent is not None:
+        above = [(word, parent) for word, at in listed for parent in _parents(at)]
+        for word in (*(word for word, _ in listed), *(parent for _, parent in above)):
+            if word.text != OBJECT_TYPE:
                 name = names.of("type", word.text)
-                above = self.scope.type_of(self.document, parent)
-                if self.scope.is_subtype(above, name) and above != OBJECT_TYPE:
-                    self.document.add(word, "K109", f"type '{word.text}' is defined by itself")
-                else:
-                    self.scope.types[name] = Type(name, above, (), self.document.where(word))
+                self.scope.types.setdefault(
+                    name, Type(name, OBJECT_TYPE, (), self.document.where(word))
+                )
+        for _, at in listed:
+            if isinstance(at, Group) and at.head != "either":
+                self.document.add(at, "K801", "a type is a name or (either ...)")
+        for word, parent in above:
+            self._put_under(word, parent)
+
+    def _put_under(self, word: PddlWord, parent: PddlWord) -> None:
+        """Make a type a part of another one."""
+        names = self.scope.names
+        if parent.text == OBJECT_TYPE:
+            return
+        if word.text == OBJECT_TYPE:
+            self.document.add(
+                word, "K109", f"object is above every type, also above '{parent.text}'"
+            )
+        elif self.scope.is_subtype(
+            names.of("type", parent.text), name := names.of("type", word.text)
+        ):
+            self.document.add(word, "K109", f"type '{word.text}' is defined by itself")
+        else:
+            self.scope.put_under(name, names.of("type", parent.text))
 
     def declare_objects(
         self, document: Document, parts: Sequence[Expression], into: dict[str, str]
     ) -> None:
-        """The objects of a typed list, by PDDL name."""
-        for word, type_ in read_typed_list(document, parts):
-            name = OBJECT_TYPE if type_ is None else self.scope.type_of(document, type_)
-            known = self.scope.objects.get(word.text)
-            if known is not None and known != name:
-                document.add(word, "K104", f"object '{word.text}' is declared already")
-            self.scope.objects[word.text] = into[word.text] = name
+        """The objects of a typed list, by PDDL name.
+
+        An object that is declared under several types is of all of them.
+        """
+        for word, at in read_typed_list(document, parts):
+            if isinstance(at, Group) and at.head == "either":
+                hint = "name the types of the object one by one"
+                document.add(
+                    at, "K802", "an object of an undecided type (either ...) is not supported", hint
+                )
+                continue
+            type_ = OBJECT_TYPE if at is None else self.scope.type_of(document, at)
+            if (known := self.scope.objects.get(word.text)) is not None:
+                type_ = self.scope.common((known, type_))
+            self.scope.objects[word.text] = type_
+            (self.constants if word.text in self.constants else into)[word.text] = type_
 
     def _predicates(self, parts: Sequence[Expression]) -> None:
         for part in parts:
@@ -109,15 +128,36 @@ class DomainReader:
                 continue
             if part.head in self.scope.predicates:
                 self.document.add(part, "K104", f"predicate '{part.head}' is declared twice")
-            listed = self.scope.parameters(self.document, part.rest)
-            self.scope.predicates[part.head] = tuple(parameter.type for parameter in listed)
+            self.scope.predicates[part.head] = self.scope.signature(self.document, part.rest)
         self.static = set(self.scope.predicates) - self.changed - self.derived
 
     def _functions(self, parts: Sequence[Expression]) -> None:
-        for part in parts:
+        """The functions, each of which is a number. Functions that are objects are refused."""
+        waiting: list[Group] = []  # those whose type has not come yet
+        rest = iter(spaced(parts))
+        for part in rest:
             if isinstance(part, Group) and part.head:
-                listed = self.scope.parameters(self.document, part.rest)
-                self.scope.functions[part.head] = tuple(parameter.type for parameter in listed)
+                waiting.append(part)
+            elif isinstance(part, PddlWord) and part.text == "-":
+                self._numeric(part, next(rest, None), waiting)
+                waiting = []
+            else:
+                hint = "write (:functions (name ?x - type ...) ...)"
+                self.document.add(part, "K801", "a function is declared in parentheses", hint)
+        for part in (each for each in parts if isinstance(each, Group) and each.head):
+            if part.head in self.scope.functions:
+                self.document.add(part, "K104", f"function '{part.head}' is declared twice")
+            self.scope.functions[part.head] = self.scope.signature(self.document, part.rest)
+
+    def _numeric(
+        self, hyphen: PddlWord, type_: Expression | None, functions: Sequence[Group]
+    ) -> None:
+        """Refuse functions of another type than `number`."""
+        if type_ is None or not functions:
+            self.document.add(hyphen, "K801", "'-' stands between functions and their type")
+        elif not isinstance(type_, PddlWord) or type_.text != "number":
+            hint = "no times, preferences, constraints and object fluents are read"
+            self.document.add(type_, "K802", "object fluents are not supported", hint)
 
     def domain(self, functions: TaskFunctions) -> Domain:
         """The domain: everything that was declared, with the actions and axioms; `functions`
@@ -125,7 +165,9 @@ class DomainReader:
         """
         names = self.scope.names
         self.functions = self.conditions.numbers.functions = functions
-        operators = tuple(self._action(group) for group in self._all(":action"))
+        operators = tuple(
+            operator for group in self._all(":action") for operator in self._action(group)
+        )
         read = [(group, tuple(self._axiom(group))) for group in self._all(":derived")]
         rules = tuple(rule for _, own in read for rule in own)
         self._refuse_cycles(read, rules)
@@ -141,16 +183,14 @@ class DomainReader:
             },
             operators,
             rules=rules,
-            asp=tuple(part for union in self.scope.unions.values() for part in union),
             path=self.document.file.path,
             quantities={
                 name: Quantity(name, None, None)
-                for name in map(self._predicate, sorted(functions.changing))
+                for name in (names.of("function", part) for part in sorted(functions.changing))
             },
+            unit_of_cost=functions.unit_of_cost,
+            further_parents=self.scope.further,
         )
-
-    def _predicate(self, name: str) -> str:
-        return self.scope.names.of("predicate", name)
 
     def _name(self) -> str:
         group = next(iter(self._all("domain")), None)
@@ -171,41 +211,64 @@ class DomainReader:
         for name, types in self.scope.functions.items():
             if name not in self.functions.ignored:
                 kind = Kind.FLUENT if name in self.functions.changing else Kind.STATIC
-                yield Predicate(names.of("predicate", name), (*types, "int"), kind)
+                yield Predicate(names.of("function", name), (*types, "int"), kind)
+            if name in self.functions.changing & self.functions.partial:
+                yield Predicate(names.of("predicate", f"{name} has a value"), types, Kind.FLUENT)
 
-    def _action(self, group: Group) -> Operator:
+    def _action(self, group: Group) -> Iterator[Operator]:
+        """The action as operators: one for each way in which the numbers that it changes may be
+        the same one.
+        """
         word = group.rest[0] if group.rest else group
         if not isinstance(word, PddlWord):
             self.document.add(group, "K801", "an action needs a name")
         name = word.text if isinstance(word, PddlWord) else "action"
         listed = group.field(":parameters")
-        parameters = self.scope.parameters(
+        known = self.scope.parameters(
             self.document, listed.parts if isinstance(listed, Group) else ()
         )
+        parameters = tuple(known.values())
         types = {parameter.variable: parameter.type for parameter in parameters}
         needed, effect = group.field(":precondition"), group.field(":effect")
         numbers = self.conditions.numbers
-        numbers.bound, numbers.outer = {}, frozenset(types)
+        numbers.bound, numbers.outer, numbers.needed = {}, frozenset(types), True
         precondition: Condition = (
-            ALWAYS_TRUE if needed is None else self.conditions.condition(needed, types)
+            ALWAYS_TRUE if needed is None else self.conditions.condition(needed, known)
         )
-        effects = tuple(self.conditions.effects(effect, types)) if effect is not None else ()
-        read = functools.partial(self.conditions.function, types=types)
-        changes, apart = numbers.changes(effect, read)
+        numbers.needed = False
+        effects = tuple(self.conditions.effects(effect, known)) if effect is not None else ()
+        self._refuse_derived(effects, effect or group)
+        read = functools.partial(self.conditions.function, known=known)
+        numbers.needed = True
+        changes = numbers.changes(effect, read, functools.partial(self._may_be_same, types))
         cost = numbers.cost(effect, read)
         body, values = function_bindings(numbers.bound)
         numbers.bound = None
-        return Operator(
-            self.scope.names.of("operator", name),
-            (*parameters, *values),
-            precondition,
-            (*effects, *changes),
-            (*body, *apart),
-            (),
-            None,
-            cost,
-            where=self.document.where(group),
-        )
+        for number, change in enumerate(changes):
+            yield Operator(
+                (self.scope.names.variant if number else self.scope.names.of)("operator", name),
+                (*parameters, *values),
+                And((*change.defined, precondition)) if change.defined else precondition,
+                (*effects, *change.effects),
+                (*body, *change.body),
+                (),
+                None,
+                cost,
+                where=self.document.where(group),
+            )
+
+    def _refuse_derived(self, effects: Iterable[Effect], at: Expression) -> None:
+        """Report effects on derived predicates: only axioms say where these are true (Edelkamp
+        & Hoffmann 2004).
+        """
+        changed = {self.scope.names.original("predicate", effect.atom.name) for effect in effects}
+        for name in sorted(changed & self.derived):
+            message = f"'{name}' is derived: no effect can change it"
+            self.document.add(at, "K103", message, "change what it follows from")
+
+    def _may_be_same(self, types: Mapping[Variable, str], one: Function, other: Function) -> bool:
+        pairs = zip(one.arguments, other.arguments, strict=True)
+        return all(self.scope.may_be_same(*pair, types) for pair in pairs)
 
     def _refuse_cycles(
         self, read: Sequence[tuple[Group, Sequence[Rule]]], rules: Sequence[Rule]
@@ -241,14 +304,15 @@ class DomainReader:
             self.document.add(group, "K801", "an axiom is (:derived (predicate ?x ...) condition)")
             return
         head, condition = group.rest[0], group.rest[1]
-        parameters = self.scope.parameters(self.document, head.rest)
+        known = self.scope.parameters(self.document, head.rest)
+        parameters = tuple(known.values())
         types = {parameter.variable: parameter.type for parameter in parameters}
         atom = Function(
             self.scope.names.of("predicate", head.head), tuple(p.variable for p in parameters)
         )
         normaliser = Normaliser(prefix=f"axiom_{group.offset}")
         guards = tuple(_type_guard(parameter) for parameter in parameters)
-        read = self.conditions.condition(condition, types)
+        read = self.conditions.condition(condition, known)
         where = self.document.where(group)
         for disjunct in normaliser.disjuncts(And((read,)), types):
             yield Rule(atom, (*guards, *disjunct), where)
@@ -257,6 +321,14 @@ class DomainReader:
 
 def _literals(rule: Rule) -> Iterator[Literal]:
     return (part for part in rule.body if isinstance(part, Literal))
+
+
+def _parents(at: Expression | None) -> Iterator[PddlWord]:
+    """The parents in a list of types: a name, or all in `(either ...)`."""
+    if isinstance(at, PddlWord):
+        yield at
+    elif at is not None and at.head == "either":
+        yield from (part for part in at.rest if isinstance(part, PddlWord))
 
 
 def _type_guard(parameter: Parameter) -> Literal:

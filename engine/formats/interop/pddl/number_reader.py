@@ -9,7 +9,9 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import NamedTuple
 
+from cellwright.engine.formats.interop.pddl.coincidence import Blocks, TooManyCases, coincidences
 from cellwright.engine.formats.interop.pddl.declared_names import NameMapping
 from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group
 from cellwright.engine.formats.interop.pddl.numeric_functions import (
@@ -32,7 +34,7 @@ from cellwright.kb.model.conditions import (
 )
 from cellwright.kb.model.domain_model import Effect, Quantity
 from cellwright.kb.model.quantity_fluents import (
-    distinct_quantities,
+    compare_arguments,
     replace_quantities,
     some_values,
     value_atom,
@@ -42,6 +44,33 @@ from cellwright.kb.terms import Atom, Function, Number, Operation, Term, Variabl
 
 Exact = Polynomial[Function]
 Read = Callable[[Group], Function]
+
+
+@dataclass(frozen=True, slots=True)
+class NumericChange:
+    """What an action does to quantities where `body` holds.
+
+    It needs that all it reads has a value (`defined`).
+    """
+
+    body: tuple[Comparison, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    defined: tuple[Literal, ...] = ()
+
+
+class _Total(NamedTuple):
+    """What an action adds to a quantity in all, or assigns to it; the functions that this
+    reads; one of the effects.
+    """
+
+    assigned: bool
+    amount: Exact
+    read: frozenset[Function]
+    effect: NumericEffect
+
+
+Totals = dict[Function, _Total]
+MayBeSame = Callable[[Function, Function], bool]
 
 
 @dataclass
@@ -57,6 +86,7 @@ class NumberReader:
         None  # the functions that an action reads, with variables for their values
     )
     outer: frozenset[Variable] = frozenset()  # the variables of that action
+    needed: bool = False  # whether the action cannot do without the values that are read now
     _fresh: Iterator[int] = field(default_factory=itertools.count)
 
     def by_itself(self, read: Callable[[], Condition]) -> Condition:
@@ -68,26 +98,57 @@ class NumberReader:
         self.bound = bound
         return condition
 
-    def comparison(self, at: Group, read: Read) -> Condition:
-        """A comparison of two numbers. A wrong one is reported and replaced by true."""
+    def comparison(self, at: Group, relation: str, read: Read) -> Condition:
+        """A comparison of two numbers that have values.
+
+        A wrong one is reported and replaced by true.
+        """
+        named: dict[Function, None] = {}
         try:
-            left, right = (polynomial_of(part, read) for part in at.rest)
-            return self._compared(left + right.times(Fraction(-1)), at)
+            left, right = (polynomial_of(part, _noting(read, named)) for part in at.rest)
+            difference = self._folded(left + right.times(Fraction(-1)))
+            compared = self._compared(difference, relation, at)
+            gone = [
+                each for each in named if each not in difference.keys and each not in self.known
+            ]
+            given = (
+                *self.defined(named),
+                *(self._given(each) for each in gone if not self._changes(each)),
+            )
+            return And((*given, compared)) if given else compared
         except ValueError:
             self.document.add(at, "K102", f"'{at.head}' compares two numbers")
         except Unreadable as wrong:
             self._refuse(wrong)
         return ALWAYS_TRUE
 
+    def defined(self, functions: Iterable[Function]) -> tuple[Literal, ...]:
+        """That functions which need not have a value at the start have one now."""
+        return tuple(
+            Literal(self.has_value(each))
+            for each in functions
+            if self._original(each) in self.functions.partial and self._changes(each)
+        )
+
+    def has_value(self, function: Function) -> Atom:
+        """The fluent that a function has a value."""
+        name = self.names.of("predicate", f"{self._original(function)} has a value")
+        return Function(name, function.arguments)
+
+    def _given(self, function: Function) -> Condition:
+        """That a function which does not change has a value."""
+        variable = Variable(f"_Number{next(self._fresh)}")
+        return Exists((Parameter(variable, "int"),), Literal(value_atom(function, variable)))
+
     def _refuse(self, wrong: Unreadable) -> None:
         hint = "conditions and effects are sums of functions with fixed factors"
         self.document.add(wrong.at, "K802", f"this number is not supported: {wrong.why}", hint)
 
-    def _compared(self, difference: Exact, at: Group) -> Condition:
+    def _compared(self, difference: Exact, relation: str, at: Group) -> Condition:
         """A polynomial compared with 0: what is added stands on the left, what is subtracted on
         the right.
         """
-        counted = self._counted(self._folded(difference), at)
+        counted = self._counted(difference, at)
         whole = math.lcm(1, *(factor.denominator for factor in counted.parts.values()))
         common = math.gcd(*(int(factor * whole) for factor in counted.parts.values())) or 1
         sides: tuple[list[Term], list[Term]] = ([], [])
@@ -96,7 +157,7 @@ class NumberReader:
                 self._product(abs(int(factor * whole)) // common, monomial, at)
             )
         left, right = (_sum_of(side) for side in sides)
-        return self._bound(Comparison(left, at.head, right))
+        return self._bound(Comparison(left, relation, right))
 
     def _folded(self, given: Exact) -> Exact:
         """The polynomial with the values of functions that are known."""
@@ -129,7 +190,7 @@ class NumberReader:
         return self._original(function) in self.functions.changing
 
     def _original(self, function: Function) -> str:
-        return self.names.original("predicate", function.name)
+        return self.names.original("function", function.name)
 
     def _product(self, factor: int, monomial: Iterable[Function], at: Group) -> Term:
         if factor > MAX_PDDL_NUMBER:
@@ -162,7 +223,7 @@ class NumberReader:
 
     @property
     def _quantities(self) -> set[str]:
-        return {self.names.of("predicate", name) for name in self.functions.changing}
+        return {self.names.of("function", name) for name in self.functions.changing}
 
     def _fixed(self, term: Term, fixed: dict[Function, Variable]) -> Term:
         """A term with variables for functions that do not change: those of the action, or new
@@ -171,22 +232,28 @@ class NumberReader:
         match term:
             case Operation(sign, left, right):
                 return Operation(sign, self._fixed(left, fixed), self._fixed(right, fixed))
-            case Function() if self.bound is not None and self.outer.issuperset(
-                term_variables(term)
-            ):
+            case Function() if self.bound is not None and self._binds(term):
                 return self.bound.setdefault(term, Variable(f"Number{len(self.bound) + 1}__"))
             case Function():
                 return fixed.setdefault(term, Variable(f"_Number{next(self._fresh)}"))
             case _:
                 return term
 
-    def changes(
-        self, effect: Expression | None, read: Read
-    ) -> tuple[list[Effect], list[Comparison]]:
-        """What an action does to quantities, and what must be so that it changes none of them
-        twice.
+    def _binds(self, function: Function) -> bool:
+        """Whether an action needs the value of a function, so that its value can be a parameter
+        of the action.
         """
-        totals: dict[Function, tuple[bool, Exact, NumericEffect]] = {}
+        total = self.needed or self._original(function) not in self.functions.partial
+        return total and self.outer.issuperset(term_variables(function))
+
+    def changes(
+        self, effect: Expression | None, read: Read, may_be_same: MayBeSame
+    ) -> list[NumericChange]:
+        """What an action does to quantities, for each way in which these may be the same.
+
+        There is always one way.
+        """
+        totals: Totals = {}
         for numeric_effect in numeric_effects(effect):
             if numeric_effect.name not in self.functions.changing:
                 continue
@@ -194,33 +261,71 @@ class NumberReader:
                 self._add(numeric_effect, read, totals)
             except Unreadable as wrong:
                 self._refuse(wrong)
-        effects: list[Effect] = []
-        for quantity, (assigned, amount, numeric) in totals.items():
-            try:
-                effects += self._changed(quantity, assigned, amount, numeric)
-            except Unreadable as wrong:
-                self._refuse(wrong)
-        return effects, distinct_quantities(itertools.combinations(totals, 2))
+        try:
+            ways = coincidences(tuple(totals), may_be_same)
+            merged = (self._merged(blocks, totals, may_be_same) for blocks in ways)
+            return [numeric for numeric in merged if numeric is not None]
+        except TooManyCases:
+            at = next(iter(totals.values())).effect.at
+            self._refuse(Unreadable(at, "the changed functions may coincide in too many ways"))
+        except Unreadable as wrong:
+            self._refuse(wrong)
+        return [NumericChange()]
 
-    def _add(
-        self,
-        effect: NumericEffect,
-        read: Read,
-        totals: dict[Function, tuple[bool, Exact, NumericEffect]],
-    ) -> None:
+    def _merged(
+        self, blocks: Blocks, totals: "Totals", may_be_same: "MayBeSame"
+    ) -> NumericChange | None:
+        """What happens if exactly the quantities in each block are the same; None if that
+        cannot happen at once.
+        """
+        if any(len(block) > 1 and any(totals[each].assigned for each in block) for block in blocks):
+            return None
+        same = [compare_arguments(block[0], "=", other) for block in blocks for other in block[1:]]
+        differ = [
+            compare_arguments(one, "!=", other)
+            for one, other in itertools.combinations([block[0] for block in blocks], 2)
+            if one.name == other.name and may_be_same(one, other)
+        ]
+        effects: list[Effect] = []
+        read: dict[Function, None] = {}
+        for block in blocks:
+            first = totals[block[0]]
+            amount = sum((totals[each].amount for each in block[1:]), first.amount)
+            effects += self._changed(block[0], first.assigned, amount, first.effect)
+            read |= dict.fromkeys(key for each in block for key in totals[each].read)
+            if self._original(block[0]) in self.functions.partial and first.assigned:
+                effects.append(Effect(self.has_value(block[0])))
+        return NumericChange((*same, *differ), tuple(effects), self.defined(read))
+
+    def _add(self, effect: NumericEffect, read: Read, totals: "Totals") -> None:
         if effect.conditional:
             raise Unreadable(effect.at, "it changes only under a condition, or for several objects")
         if effect.kind in ("scale-up", "scale-down"):
             raise Unreadable(effect.at, f"{effect.kind} is not linear")
-        quantity, amount = read(effect.function), polynomial_of(effect.amount, read)
+        named: dict[Function, None] = {}
+        quantity, amount = read(effect.function), polynomial_of(effect.amount, _noting(read, named))
+        self._need(named)
         if effect.kind == "decrease":
             amount = amount.times(Fraction(-1))
         assigned = effect.kind == "assign"
+        needs = {*named} if assigned else {quantity, *named}
         if quantity in totals:
-            if assigned or totals[quantity][0]:
+            if assigned or totals[quantity].assigned:
                 raise Unreadable(effect.at, "it is assigned and changed in one action")
-            amount = amount + totals[quantity][1]
-        totals[quantity] = (assigned, amount, effect)
+            amount, needs = amount + totals[quantity].amount, needs | totals[quantity].read
+        totals[quantity] = _Total(assigned, amount, frozenset(needs), effect)
+
+    def _need(self, functions: Iterable[Function]) -> None:
+        """Note that the action needs the values of functions that do not change, also where
+        they cancel out.
+        """
+        for each in functions:
+            if (
+                self.bound is not None
+                and not self._changes(each)
+                and self._original(each) in self.functions.partial
+            ):
+                self._fixed(each, {})
 
     def _changed(
         self, quantity: Function, assigned: bool, amount: Exact, effect: NumericEffect
@@ -250,7 +355,11 @@ class NumberReader:
         try:
             for numeric_effect in numeric_effects(effect):
                 if weight := self.functions.metric.get(numeric_effect.name):
-                    total = total + polynomial_of(numeric_effect.amount, read).times(weight)
+                    named: dict[Function, None] = {}
+                    total = total + polynomial_of(
+                        numeric_effect.amount, _noting(read, named)
+                    ).times(weight)
+                    self._need(named)
             term = self._whole(
                 self._folded(total).times(Fraction(self.functions.unit_of_cost)),
                 _effect_group(effect),
@@ -263,6 +372,17 @@ class NumberReader:
     def value(self, function: Function, value: Fraction) -> Atom:
         """The fact that a function has a value."""
         return value_atom(function, Number(int(value * self._unit(function))))
+
+
+def _noting(read: Read, named: dict[Function, None]) -> Read:
+    """`read`, which also notes in `named` all that it reads."""
+
+    def noted(group: Group) -> Function:
+        function = read(group)
+        named[function] = None
+        return function
+
+    return noted
 
 
 def _effect_group(at: Expression | None) -> Group:

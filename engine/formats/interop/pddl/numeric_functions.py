@@ -17,7 +17,9 @@ from cellwright.engine.formats.interop.pddl.expressions import Document, Express
 Key = TypeVar("Key")
 MAX_PARTS_OF_UNIT = 10**6  # parts into which a unit may be divided
 MAX_PDDL_NUMBER = 2**31 - 1
-_NUMBER_WORD = re.compile(r"[+-]?(?:[0-9]{1,15}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})")
+_NUMBER_WORD = re.compile(
+    r"[+-]?(?:[0-9]{1,15}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})(?:e[+-]?[0-9]{1,2})?"
+)
 ARITHMETIC_SIGNS = ("+", "-", "*", "/")
 
 
@@ -218,11 +220,22 @@ class TaskFunctions:
     declared: set[str] = field(default_factory=set)
     changing: set[str] = field(default_factory=set)  # those that become quantities
     ignored: set[str] = field(default_factory=set)  # those that change and that nothing reads
+    # those without a value for some objects at the start
+    partial: set[str] = field(default_factory=set)
+    # those that are read for objects beyond their types
+    wide: set[str] = field(default_factory=set)
     units: dict[str, int] = field(default_factory=dict)  # the parts of 1 in which each counts
     # what each function adds to the cost; None: a step costs 1
     metric: dict[str, Fraction] | None = None
     unit_of_cost: int = 1  # the parts of 1 in which costs count
     unfollowed: str = ""  # why the metric is not followed
+
+    def widen(self, name: str) -> None:
+        """Note that a function is read for variables that may have values beyond its types,
+        where it has no value.
+        """
+        self.wide.add(name)
+        self.partial.add(name)
 
     def unit(self, name: str) -> int:
         """The parts of 1 in which a function counts."""
@@ -232,8 +245,11 @@ class TaskFunctions:
 class FunctionReader:
     """Looks through a task for what its functions are, before its actions are read."""
 
-    def __init__(self, domain: Document, problem: Document, declared: set[str]) -> None:
-        self.domain, self.problem = domain, problem
+    def __init__(
+        self, domain: Document, problem: Document, declared: set[str], count: Callable[[str], int]
+    ) -> None:
+        """`count` says for how many objects a function is declared."""
+        self.domain, self.problem, self.count = domain, problem, count
         self.declared = {*declared, TOTAL_COST}
         self._actions = [part for part in file_sections(domain) if part.head == ":action"]
         self._effects = [
@@ -326,36 +342,48 @@ class FunctionReader:
             self._refuse(self.problem, wrong.at, str(wrong))
             return
         costs = [effect for effect in self._effects if effect.name in weights]
-        functions.unfollowed = next(filter(None, map(self._no_cost, costs)), "")
+        uneven = (name for name in sorted({cost.name for cost in costs}) if weights[name] is None)
+        functions.unfollowed = next((f"{name} counts for some objects only" for name in uneven), "")
+        functions.unfollowed = functions.unfollowed or next(
+            filter(None, map(self._no_cost, costs)), ""
+        )
         if functions.unfollowed or not costs:
             return
         try:
-            amounts = [self._named(cost.amount).times(weights[cost.name]) for cost in costs]
+            even = {name: weight for name, weight in weights.items() if weight is not None}
+            amounts = [
+                self._named(cost_amount.amount).times(even[cost_amount.name])
+                for cost_amount in costs
+            ]
         except Unreadable as wrong:
             self._refuse(self.domain, wrong.at, str(wrong))
             return
-        functions.metric = weights
+        functions.metric = even
         functions.unit_of_cost = lcm(
-            1,
-            *(
-                part
-                for cost_amount in amounts
-                for part in cost_denominators(cost_amount, functions.units)
-            ),
+            1, *(part for each in amounts for part in cost_denominators(each, functions.units))
         )
 
-    def _weights(self, metric: Group) -> dict[str, Fraction]:
-        """The factor of each function in what is minimised. Raises `Unreadable`."""
+    def _weights(self, metric: Group) -> dict[str, Fraction | None]:
+        """The factor of each function in what is minimised; None if it is not the same for all
+        objects. Raises `Unreadable`.
+        """
         aim = metric.rest[0] if len(metric.rest) == 2 else metric
         if not isinstance(aim, PddlWord) or aim.text != "minimize":
             raise Unreadable(metric, "write (:metric minimize (function))")
-        read = self._named(metric.rest[1])
+        read = polynomial_of(metric.rest[1], lambda group: tuple(words_in(group)))
         if (
             any(len(monomial) > 1 for monomial in read.parts)
             or min(read.parts.values(), default=0) < 0
         ):
             raise Unreadable(metric, "a metric is a sum of functions with positive factors")
-        return {monomial[0]: factor for monomial, factor in read.parts.items() if monomial}
+        factors: dict[str, list[Fraction]] = {}
+        for monomial, factor in read.parts.items():
+            if monomial:
+                factors.setdefault(monomial[0][0], []).append(factor)
+        return {
+            name: own[0] if len(set(own)) == 1 and len(own) == self.count(name) else None
+            for name, own in factors.items()
+        }
 
     def _no_cost(self, effect: NumericEffect) -> str:
         """Why an effect on the metric is no cost of a step; empty if it is one.

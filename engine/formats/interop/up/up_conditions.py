@@ -4,7 +4,8 @@ A fluent whose value is an object, such as `position(r)`, becomes a predicate wi
 argument, `position(r, V)`. Inside another expression, a variable replaces the value of the fluent.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import count
 
@@ -54,6 +55,8 @@ class ConditionTranslator:
 
     def __init__(self, names: NameMapping) -> None:
         self.names, self._fresh = names, count(1)
+        # the quantified variables that may be named at a place
+        self._bound: dict[up.Variable, Variable] = {}
         self._table: dict[OperatorKind, Callable[[FNode, bool], Condition]] = {
             OperatorKind.AND: lambda at, positive: self._joined(
                 at, positive, And if positive else Or
@@ -92,7 +95,8 @@ class ConditionTranslator:
         return join(tuple(self.condition(part, positive) for part in at.args))
 
     def _some(self, at: FNode, positive: bool, quantifier: type[Exists | ForAll]) -> Condition:
-        return quantifier(self.quantified(at.variables()), self.condition(at.args[0], positive))
+        with self.quantified(at.variables()) as parameters:
+            return quantifier(parameters, self.condition(at.args[0], positive))
 
     def _implies(self, at: FNode, positive: bool) -> Condition:
         premise, conclusion = at.args
@@ -139,8 +143,7 @@ class ConditionTranslator:
         if at.is_parameter_exp():
             return self.parameter(at.parameter()).variable
         if at.is_variable_exp():
-            (parameter,) = self.quantified([at.variable()])
-            return parameter.variable
+            return self._bound[at.variable()]
         if not at.is_fluent_exp():
             raise Unsupported(f"the value {at}")
         fluent = at.fluent()
@@ -158,12 +161,24 @@ class ConditionTranslator:
         """A parameter of an action."""
         return Parameter(self.names.variable(parameter.name), self.type(parameter.type))
 
-    def quantified(self, variables: Iterable[up.Variable]) -> tuple[Parameter, ...]:
-        """Quantified variables, renamed so that they differ from parameters of the same name."""
-        return tuple(
-            Parameter(self.names.variable(f"{variable.name} quantified"), self.type(variable.type))
+    @contextmanager
+    def quantified(self, variables: Iterable[up.Variable]) -> Iterator[tuple[Parameter, ...]]:
+        """A context in which quantified variables stand for new parameters, which differ from
+        all others of the same name.
+        """
+        outer = dict(self._bound)
+        own = [
+            (
+                variable,
+                Parameter(
+                    self.names.another(f"{variable.name} quantified"), self.type(variable.type)
+                ),
+            )
             for variable in variables
-        )
+        ]
+        self._bound |= {each: parameter.variable for each, parameter in own}
+        yield tuple(parameter for _, parameter in own)
+        self._bound = outer
 
     def type(self, type_: up.Type) -> str:
         """The name of a user type. Raises `Unsupported` for numbers and truth values."""

@@ -15,7 +15,7 @@ from unified_planning.engines import PlanGenerationResultStatus as Status
 from unified_planning.engines.compilers.grounder import Grounder
 from unified_planning.engines.results import CompilerResult, PlanGenerationResult, ValidationResult
 from unified_planning.exceptions import UPUsageError
-from unified_planning.model import ProblemKind
+from unified_planning.model import AbstractProblem, ProblemKind
 from unified_planning.model.problem_kind_versioning import LATEST_PROBLEM_KIND_VERSION
 from unified_planning.plans import Plan as UpPlan
 from unified_planning.plans import PlanKind
@@ -60,6 +60,15 @@ UP_FEATURES = (
     "PLAN_LENGTH",
 )
 SUPPORTED_KIND = ProblemKind(UP_FEATURES, version=LATEST_PROBLEM_KIND_VERSION)
+
+
+def refuse_other_kinds(problem: AbstractProblem) -> None:
+    """Raises `Unsupported` with every feature of a problem that is not in `FEATURES`.
+
+    The library only warns of them.
+    """
+    if further := sorted(set(problem.kind.features).difference(UP_FEATURES)):
+        raise Unsupported(", ".join(feature.lower().replace("_", " ") for feature in further))
 
 
 Solve = Callable[[Interrupted, Callable[[PlanGenerationResult], None]], PlanGenerationResult]
@@ -252,7 +261,9 @@ class UpEngine(
     @staticmethod
     def supports(problem_kind: up.ProblemKind) -> bool:
         """Whether every feature is supported."""
-        return bool(problem_kind <= SUPPORTED_KIND)
+        # the comparison below may drop features
+        known = set(problem_kind.features) <= set(UP_FEATURES)
+        return known and bool(problem_kind <= SUPPORTED_KIND)
 
     @staticmethod
     def satisfies(optimality_guarantee: mixins.OptimalityGuarantee) -> bool:

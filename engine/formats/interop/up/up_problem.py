@@ -16,6 +16,7 @@ from cellwright.engine.formats.interop.up.up_conditions import (
     FluentLocals,
     Unsupported,
 )
+from cellwright.engine.formats.interop.up.up_engine import refuse_other_kinds
 from cellwright.kb.model.condition_forms import bind_variables
 from cellwright.kb.model.conditions import (
     ALWAYS_TRUE,
@@ -158,15 +159,19 @@ class EffectTranslator:
     def _effect(self, effect: up.Effect) -> Iterator[Effect]:
         if not effect.is_assignment():
             raise Unsupported(f"the numeric effect {effect}")
-        fluent_locals = FluentLocals(list(self.conditions.quantified(effect.forall)))
+        with self.conditions.quantified(effect.forall) as parameters:
+            yield from self._under(effect, FluentLocals(list(parameters)))
+
+    def _under(self, effect: up.Effect, found: FluentLocals) -> Iterator[Effect]:
+        """An effect for each binding of the parameters in `found`."""
         condition = (
             self.conditions.condition(effect.condition) if effect.is_conditional() else ALWAYS_TRUE
         )
-        atom = self.conditions.atom(effect.fluent, fluent_locals)
+        atom = self.conditions.atom(effect.fluent, found)
         if effect.fluent.fluent().type.is_bool_type():
-            yield from self._truth(atom, effect.value, fluent_locals, condition)
+            yield from self._truth(atom, effect.value, found, condition)
         else:
-            yield from self._assign(atom, effect, fluent_locals, condition)
+            yield from self._assign(atom, effect, found, condition)
 
     def _truth(
         self, atom: Atom, value: up.FNode, fluent_locals: FluentLocals, condition: Condition
@@ -277,6 +282,7 @@ def translate_problem(problem: up.Problem) -> Translated:
 
     Raises `Unsupported` if it contains something that is not supported.
     """
+    refuse_other_kinds(problem)
     return _Translation(problem).result()
 
 

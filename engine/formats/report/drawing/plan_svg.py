@@ -21,6 +21,7 @@ from cellwright.engine.formats.report.drawing.link_routing import (
     width_for,
 )
 from cellwright.engine.model.answer_wording import condition_wording
+from cellwright.engine.model.task_costs import cost_text
 from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, CausalLink, Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom
@@ -173,7 +174,8 @@ def draw_plan(
     fill_of = assign_colours(
         str(resource) for step in drawn_plan.steps for resource in step.resources
     )
-    return "\n".join([*_picture_lines(pictures, fill_of, standing), "</svg>"]) + "\n"
+    tips = {each.id: _step_tooltip(each, problem) for each in drawn_plan.steps}
+    return "\n".join([*_picture_lines(pictures, fill_of, standing, tips), "</svg>"]) + "\n"
 
 
 def _column_picture(column: PlanColumn, say: Callable[[Atom], str]) -> _ColumnPicture:
@@ -234,7 +236,10 @@ def _shorten_label(text: str) -> str:
 
 
 def _picture_lines(
-    pictures: Sequence[_ColumnPicture], fill_of: Mapping[str, str], standing: Mapping[int, str]
+    pictures: Sequence[_ColumnPicture],
+    fill_of: Mapping[str, str],
+    standing: Mapping[int, str],
+    tips: Mapping[StepId, str],
 ) -> Iterator[str]:
     """The file line by line: paper, the columns beside each other, legend."""
     extents = [_picture_extent(picture) for picture in pictures]
@@ -258,7 +263,7 @@ def _picture_lines(
             *_order_lines(picture),
             *_link_lines(picture),
             *_net_labels(picture),
-            *_step_boxes(picture, fill_of, standing),
+            *_step_boxes(picture, fill_of, standing, tips),
         )
         yield "</g>"
         at += right - left + 2 * GAP
@@ -362,7 +367,10 @@ def _net_labels(picture: _ColumnPicture) -> Iterator[str]:
 
 
 def _step_boxes(
-    picture: _ColumnPicture, fill_of: Mapping[str, str], standing: Mapping[int, str]
+    picture: _ColumnPicture,
+    fill_of: Mapping[str, str],
+    standing: Mapping[int, str],
+    tips: Mapping[StepId, str],
 ) -> Iterator[str]:
     """The start, the steps and the goal."""
     steps: Mapping[StepId, Step] = {step.id: step for step in picture.column.part.steps}
@@ -374,7 +382,7 @@ def _step_boxes(
             if standing and step in steps
             else ""
         )
-        yield f"<g{chosen}><title>{escape(_step_tooltip(steps[step]) if step in steps else text)}</title>"
+        yield f"<g{chosen}><title>{escape(tips.get(step, text))}</title>"
         fill, sign = STANDING_MARKS.get(standing.get(int(step), ""), (BOX, ""))
         yield (
             f'<rect class="box" x="{left:g}" y="{y:g}" width="{right - left:g}" height="{HEIGHT}"'
@@ -404,6 +412,7 @@ def _resource_legend(fill_of: Mapping[str, str], x: float, y: float) -> Iterator
         x += len(name) * CHARACTER + 34
 
 
-def _step_tooltip(step: Step) -> str:
+def _step_tooltip(step: Step, problem: Problem | None) -> str:
     holds_text = f", holds {', '.join(map(str, step.resources))}" if step.resources else ""
-    return f"{step.id} {step.operator}, lasts {step.duration}, costs {step.cost}{holds_text}"
+    cost = cost_text(step.cost, problem.domain) if problem else str(step.cost)
+    return f"{step.id} {step.operator}, lasts {step.duration}, costs {cost}{holds_text}"

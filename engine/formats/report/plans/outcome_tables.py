@@ -20,6 +20,7 @@ from cellwright.engine.model.plan_times import (
     object_histories,
     plan_makespan,
 )
+from cellwright.engine.model.task_costs import cost_text
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
 
@@ -271,7 +272,10 @@ def plan_table(
         return Text("Nothing to do: the goals hold already.")
     timed = any(step.duration for step in plan.steps)
     unit = problem.domain.time_unit
-    summary_parts = [count_noun(len(plan.steps), "step"), f"cost {plan.cost}"]
+    summary_parts = [
+        count_noun(len(plan.steps), "step"),
+        f"cost {cost_text(plan.cost, problem.domain)}",
+    ]
     starts = timetable.starts if timetable else earliest_starts(plan)
     chart: list[RenderableType] = []
     if timetable:

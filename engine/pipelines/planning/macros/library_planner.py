@@ -118,7 +118,7 @@ class LibraryPlanner:
         for repertoire in self._repertoires:
             repertoire.flush()
 
-    def repertoire(self, domain: Domain, known_repertoire: Repertoire | None = None) -> Repertoire:
+    def repertoire(self, domain: Domain, known: Repertoire | None = None) -> Repertoire:
         """The MACROPs that the library holds for whole problems of a domain.
 
         They may be `known` already.
@@ -133,9 +133,7 @@ class LibraryPlanner:
         )
         if repertoire is None:
             repertoire = (
-                known_repertoire.of_domain(domain)
-                if known_repertoire is not None
-                else Repertoire(self.library, domain)
+                known.of_domain(domain) if known is not None else Repertoire(self.library, domain)
             )
             self._repertoires.append(repertoire)
         return repertoire

@@ -284,14 +284,14 @@ def _step_ids(steps: Sequence[Step]) -> tuple[StepId, ...]:
     return tuple(step.id for step in steps)
 
 
-def _is_known(subsequence: KnownSubsequence, recurrence: RecurringSequence) -> bool:
-    return len(subsequence.pattern) == len(recurrence.operators) and matches_pattern(
-        subsequence.pattern, recurrence.operators
+def _is_known(known: KnownSubsequence, recurrence: RecurringSequence) -> bool:
+    return len(known.pattern) == len(recurrence.operators) and matches_pattern(
+        known.pattern, recurrence.operators
     )
 
 
-def _count_uses(order: PlanOrder, subsequence: KnownSubsequence) -> int:
-    return sum(1 for _ in matching_sequences(order, subsequence.pattern))
+def _count_uses(order: PlanOrder, known: KnownSubsequence) -> int:
+    return sum(1 for _ in matching_sequences(order, known.pattern))
 
 
 def _distinct_macrops(macrops: Iterable[Macrop | None]) -> list[Macrop]:
@@ -339,16 +339,14 @@ def _in_sequence(steps: Sequence[Step]) -> Plan:
     )
 
 
-def _macro_parts(
-    macrop: Macrop, known_macros: Sequence[tuple[str, Pattern]]
-) -> tuple[MacroPart, ...]:
+def _macro_parts(macrop: Macrop, known: Sequence[tuple[str, Pattern]]) -> tuple[MacroPart, ...]:
     """The shorter MACROPs inside a MACROP's steps.
 
     The longest are taken first, and none overlaps another.
     """
     pattern, parts = pattern_of(macrop), []
     free = [True] * len(pattern)
-    for name, part in sorted(known_macros, key=lambda name_and_pattern: -len(name_and_pattern[1])):
+    for name, part in sorted(known, key=lambda name_and_pattern: -len(name_and_pattern[1])):
         for first in range(len(pattern) - len(part) + 1):
             places = range(first, first + len(part))
             inside = len(part) < len(pattern) and all(free[place] for place in places)

@@ -370,12 +370,12 @@ def _finite_poses(T_base_flange: Floats) -> tuple[Floats, Truths | None]:
     return poses, (last == HOMOGENEOUS_ROW).all(axis=1)
 
 
-def _rigid_poses(poses: Floats, homogeneous: Truths | None) -> tuple[Floats, Truths]:
+def _rigid_poses(poses: Floats, known: Truths | None) -> tuple[Floats, Truths]:
     """The same for a search; closed forms find by themselves that a matrix is no rotation."""
     R = poses[:, :3, :3]
     off = np.abs(matmul(R, np.swapaxes(R, 1, 2)) - np.eye(3)).max(axis=(1, 2))
     rigid: Truths = (off < RIGID_TOLERANCE) & (np.linalg.det(R) > 0)
-    rigid &= True if homogeneous is None else homogeneous
+    rigid &= True if known is None else known
     return np.where(rigid[:, None, None], poses, np.eye(4)), rigid
 
 

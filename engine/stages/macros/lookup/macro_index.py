@@ -146,13 +146,13 @@ class GoalProfile:
     bindings: dict[str, Bound | None] = field(default_factory=dict)
     features: dict[str, bool] = field(default_factory=dict)
 
-    def fitting(self, lookup_feature: LookupFeature) -> Bound | None:
+    def fitting(self, known: LookupFeature) -> Bound | None:
         """The values that the goal gives to the variables of a feature's goal; None if it does
         not fit.
         """
-        if lookup_feature.shape not in self.bindings:
-            self.bindings[lookup_feature.shape] = self._fitting(lookup_feature.goal)
-        return self.bindings[lookup_feature.shape]
+        if known.shape not in self.bindings:
+            self.bindings[known.shape] = self._fitting(known.goal)
+        return self.bindings[known.shape]
 
     def _fitting(self, shape: Literal | None) -> Bound | None:
         if shape is None or shape.positive != self.goal.positive:
@@ -201,18 +201,18 @@ class FeatureCounter:
             else self._in_statics(text, lookup_feature)
         )
 
-    def _in_statics(self, text: str, lookup_feature: LookupFeature) -> int:
+    def _in_statics(self, text: str, known: LookupFeature) -> int:
         count = 0
         for profile in self._pool:
             has_feature = profile.features.get(text)
             if has_feature is None:
-                bindings = profile.fitting(lookup_feature)
-                has_feature = bindings is not None and self._found(lookup_feature, bindings)
+                bindings = profile.fitting(known)
+                has_feature = bindings is not None and self._found(known, bindings)
                 profile.features[text] = has_feature
             count += has_feature
         return count
 
-    def _in_state(self, lookup_feature: LookupFeature) -> int:
+    def _in_state(self, known: LookupFeature) -> int:
         """The number of goals that have a feature over the state.
 
         Goals with equal bindings are tested once.
@@ -220,25 +220,25 @@ class FeatureCounter:
         seen: dict[tuple[Term | None, ...], bool] = {}
         count = 0
         for profile in self._pool:
-            bindings = profile.fitting(lookup_feature)
+            bindings = profile.fitting(known)
             if bindings is not None:
-                key = tuple([bindings.get(variable) for variable in lookup_feature.own])
+                key = tuple([bindings.get(variable) for variable in known.own])
                 has_feature = seen.get(key)
                 if has_feature is None:
-                    has_feature = seen[key] = self._found(lookup_feature, bindings)
+                    has_feature = seen[key] = self._found(known, bindings)
                 count += has_feature
         return count
 
-    def _found(self, lookup_feature: LookupFeature, bindings: Bound) -> bool:
-        if lookup_feature.wanted is None:
+    def _found(self, known: LookupFeature, bindings: Bound) -> bool:
+        if known.wanted is None:
             return True
-        facts = self._asked.facts if lookup_feature.kind == "state" else self._asked.world.statics
-        pattern = substitute_atom(lookup_feature.wanted.atom, bindings)
-        if not lookup_feature.types:
+        facts = self._asked.facts if known.kind == "state" else self._asked.world.statics
+        pattern = substitute_atom(known.wanted.atom, bindings)
+        if not known.types:
             return facts.any_match(pattern)
         matches = (match_term(pattern, atom, {}) for atom in facts.matching(pattern))
         return any(
-            self._typed(lookup_feature.types, match_bindings)
+            self._typed(known.types, match_bindings)
             for match_bindings in matches
             if match_bindings is not None
         )

@@ -135,7 +135,7 @@ WRONG = {
         "outside",
     ),
     "timed literal": ("(dusty hall)", "(at 5 (dusty hall))", "K802", "not supported"),
-    "number": ("(= (total-cost) 0)", "(= (total-cost) 1e3)", "K802", "whole or decimal"),
+    "number": ("(= (total-cost) 0)", "(= (total-cost) 1e3x)", "K802", "whole or decimal"),
     "constraints": (
         "(:metric",
         "(:constraints (always (tidy))) (:metric",

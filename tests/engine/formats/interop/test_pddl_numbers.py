@@ -99,7 +99,7 @@ def test_what_nothing_reads_is_left_out(tmp_path: Path) -> None:
             "(when (open slow) (increase (energy) 1))",
             "only under a condition",
         ),
-        ("(= (level a) 0)", "(= (level a) 1e3)", "initial value"),
+        ("(= (level a) 0)", "(= (level a) 1e3x)", "initial value"),
         ("(= (level a) 0)", "(= (level a) 99999999999)", "too large"),
     ],
 )

@@ -60,9 +60,14 @@ class Background:
         predicates.
         """
         shared_types = set()
-        for first, *rest in self._minimal.values():
-            above = {name for type_name in rest for name in self.ancestors(type_name)}
-            shared_types.update(above - set(self.ancestors(first)))
+        for names in self._minimal.values():
+            above = {
+                each
+                for each in self.domain.types
+                for name in names
+                if self.domain.is_subtype(name, each)
+            }
+            shared_types.update(above - set(self.ancestors(names[0])))
         return frozenset(shared_types)
 
     def ancestors(self, name: str) -> tuple[str, ...]:

@@ -120,11 +120,10 @@ class Conditions:
             case Not(part):
                 return negate_condition(self.flat(part, outer))
             case Exists(parameters, part):
-                return self.some(parameters, self.flat(part, outer))
+                return self.some(parameters, self.flat(part, _outside(parameters, outer)))
             case ForAll(parameters, part):
-                return negate_condition(
-                    self.some(parameters, negate_condition(self.flat(part, outer)))
-                )
+                inner = self.flat(part, _outside(parameters, outer))
+                return negate_condition(self.some(parameters, negate_condition(inner)))
 
     def some(self, parameters: Iterable[Parameter], part: Condition) -> Condition:
         """The condition that `part` holds for some binding.
@@ -301,6 +300,16 @@ class Conditions:
             conjoin_conditions([*local_terms.relations, Comparison(first, "=", second)]),
         )
         return equal if relation == "=" else negate_condition(equal)
+
+
+def _outside(
+    parameters: Iterable[Parameter], outer: Mapping[Term, Variable]
+) -> Mapping[Term, Variable]:
+    """The compound terms that mean the same below a quantifier: those without its variables."""
+    own = {parameter.variable for parameter in parameters}
+    return {
+        term: variable for term, variable in outer.items() if own.isdisjoint(term_variables(term))
+    }
 
 
 def _as_comparison(pair: tuple[Term, Term]) -> Comparison:
