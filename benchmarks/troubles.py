@@ -46,6 +46,39 @@ def uncertain(causes: int, tests: int, seed: int) -> Troubleshooting:
     )
 
 
+def unsure(causes: int, tests: int, seed: int) -> Troubleshooting:
+    """Tests of two outcomes that are never sure, a repair for each cause, and a safe stop that
+    costs 300.
+
+    A third of the problems has tests that are right with 0.8 to 0.97 for some causes and show as
+    much under all others, a third has tests of any quality, and in a third tests are right with 0.6
+    to 0.98.
+    """
+    chance = np.random.default_rng(20_000 + seed)
+    actions = []
+    for i in range(tests):
+        if seed % 3 == 0:
+            shown = np.full(causes, 0.05)
+            shown[chance.choice(causes, max(1, causes // 3), replace=False)] = chance.uniform(
+                0.8, 0.97
+            )
+        elif seed % 3 == 1:
+            shown = chance.uniform(0.02, 0.98, causes)
+        else:
+            right = chance.uniform(0.6, 0.98, causes)
+            shown = np.where(chance.random(causes) < 0.5, right, 1.0 - right)
+        actions.append(_test(f"t{i}", float(chance.integers(1, 11)), shown.round(2)))
+    for i in range(causes):
+        cured = tuple(float(i == cause) for cause in range(causes))
+        rows = (cured, tuple(1.0 - each for each in cured))
+        actions.append(
+            Action(f"r{i}", float(chance.integers(10, 101)), ("cured", "not"), rows, frozenset({0}))
+        )
+    priors = _priors(causes, bool(seed % 2), chance)
+    stop = Conclusion("stop", (300.0,) * causes)
+    return Troubleshooting(_names(causes), priors, tuple(actions), (stop,))
+
+
 def with_setup(causes: int, tests: int, conditions: int, seed: int) -> Troubleshooting:
     """As `isolation`, each test needing one or two of the conditions on or off; changing one
     costs 5 to 20.

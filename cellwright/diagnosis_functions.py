@@ -49,9 +49,8 @@ class Diagnosed(Answer):
         from cellwright.engine.formats.report.runs import recovery_report
 
         desk = self._open
-        content = report.case_entry(
-            self.diagnosis, desk.certainties(self.diagnosis), desk.revision(self.diagnosis)
-        )
+        change = desk.revision_after(self.diagnosis, self.recovery)
+        content = report.case_entry(self.diagnosis, desk.certainties(self.diagnosis), change)
         return content | (
             {"recovery": recovery_report.recovery_entry(self.recovery)} if self.recovery else {}
         )
@@ -63,7 +62,9 @@ class Diagnosed(Answer):
         from cellwright.engine.formats.report.runs import recovery_report
 
         desk, made = self._open, self.diagnosis
-        case = report.case_text(desk.model, made, desk.certainties(made), desk.revision(made))
+        case = report.case_text(
+            desk.model, made, desk.certainties(made), desk.revision_after(made, self.recovery)
+        )
         return Group(
             case, *([recovery_report.recovery_text(self.recovery)] if self.recovery else [])
         )
@@ -118,7 +119,7 @@ def decision_tree(
     exception: str,
     *,
     step: str = "",
-    objective: Literal["isolate", "repair"] = "isolate",
+    objective: Literal["isolate", "repair"] | None = None,
     store: Name = "",
     seconds: float | None = None,
     expansions: int | None = None,
@@ -149,7 +150,8 @@ def diagnose(
     done: str = "",
     holds: str = "",
     gone: str = "",
-    objective: Literal["isolate", "repair"] = "isolate",
+    objective: Literal["isolate", "repair"] | None = None,
+    certainty: float | None = None,
     recover: bool = False,
     store: Name = "",
     seconds: float | None = None,
@@ -162,11 +164,15 @@ def diagnose(
     `ask` is called with the name of a test and its possible outcomes, and returns one of them, or
     None to end. `outcomes` lists them ("look_at_spot=dry, tool_self_test=passed"). `hidden` names
     the causes of a simulated fault. `plan` is the file of the plan that failed at `step`, `done`
-    its steps that are done, `holds` and `gone` what is seen against the model. With `recover` the
-    work is planned on. A `store` keeps the closed case and learns. Raises `InvalidInput`,
-    `TimeoutError`.
+    its steps that are done, `holds` and `gone` what is seen against the model. `certainty` is the
+    probability with which a cause counts as found. With `recover` the work is planned on. A `store`
+    keeps the closed case and learns. Raises `InvalidInput`, `TimeoutError`.
     """
-    from cellwright.engine.pipelines.recovery.case_input import FailedPlan, ObservedFacts
+    from cellwright.engine.pipelines.recovery.case_input import (
+        FailedPlan,
+        ObservedFacts,
+        seen_before,
+    )
     from cellwright.engine.stages.diagnosis.case_session import run_session
 
     failed = FailedPlan(Path(plan), step, done) if plan else None
@@ -179,9 +185,10 @@ def diagnose(
             store,
             expansions,
             over,
-            (failed, ObservedFacts(holds, gone)),
+            (failed, ObservedFacts(holds, gone), certainty),
         )
-        made = run_session(desk.session, _outcome_answerer(desk, ask, outcomes, hidden, seed))
+        answer = _outcome_answerer(desk, ask, outcomes, hidden, seed)
+        made = run_session(desk.session, answer, seen_before(answer))
         if store:
             desk.keep(made, fspath(store))
         went_on = desk.recover(made, fspath(store)) if recover else None
@@ -192,7 +199,7 @@ def _open_case(
     target: Target,
     exception: str,
     step: str,
-    objective: str,
+    objective: str | None,
     store: Name,
     expansions: int | None,
     over: Deadline,
@@ -200,7 +207,7 @@ def _open_case(
 ) -> "DiagnosisCase":
     from cellwright.engine.pipelines.recovery.diagnosis_case import open_diagnosis_case
 
-    more = dict(zip(("failed", "seen"), seen, strict=True)) if seen else {}
+    more = dict(zip(("failed", "seen", "certainty"), seen, strict=True)) if seen else {}
     name = name_of(target)
     return open_diagnosis_case(
         name, exception, step, objective, fspath(store), expansions, over, **more

@@ -113,6 +113,7 @@ DIAGNOSTIC_CODES = {
     "K904": "a test that distinguishes no causes",
     "K905": "too many causes of one exception",
     "K906": "a step that the exception does not interrupt",
+    "K907": "outcomes that contradict each other",
 }
 
 

@@ -58,6 +58,7 @@ REFUSALS = {
         "run themse/one --store {store} --fault 3",
     ],
     "K906": ["diagnose bulkhead --exception no_echo --step tidy"],
+    "K907": ["diagnose bulkhead --exception no_echo --outcomes look_at_spot=wet,look_at_spot=dry"],
 }
 
 ENVIRONMENT = (

@@ -14,6 +14,8 @@ class Action:
 
     `likelihoods[o][c]` is the probability of outcome o if c is the cause; columns sum to 1. An
     outcome in `ends` finishes the case, such as the outcome of a repair that the trouble is gone.
+    `repeats` is the number of the action of which this one is an independent repetition: the same
+    test once more, after that one.
     """
 
     name: str
@@ -21,6 +23,7 @@ class Action:
     outcomes: tuple[str, ...]
     likelihoods: tuple[tuple[float, ...], ...]
     ends: frozenset[int] = frozenset()
+    repeats: int | None = None
 
     @property
     def certain(self) -> bool:
@@ -56,7 +59,8 @@ class Setup:
 class Troubleshooting:
     """A troubleshooting problem. Priors sum to 1.
 
-    If actions are equally good, the one declared first is chosen.
+    If actions are equally good, the one declared first is chosen. A conclusion that some causes
+    forbid is allowed where all other causes together have the probability `certainty`.
     """
 
     causes: tuple[str, ...]
@@ -64,6 +68,7 @@ class Troubleshooting:
     actions: tuple[Action, ...]
     conclusions: tuple[Conclusion, ...] = ()
     setup: Setup | None = None
+    certainty: float = 1.0
 
     def __post_init__(self) -> None:
         if not math.isclose(sum(self.priors), 1.0, abs_tol=1e-6):
@@ -167,11 +172,15 @@ class CaseHypothesis:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """An exception as a troubleshooting problem; cause i of the problem is `hypotheses[i]`."""
+    """An exception as a troubleshooting problem; cause i of the problem is `hypotheses[i]`.
+
+    `certainty` is the probability with which a hypothesis counts as found.
+    """
 
     exception: str
     hypotheses: tuple[CaseHypothesis, ...]
     problem: Troubleshooting
+    certainty: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +221,8 @@ class CaseDiagnosis:
     `hypotheses` are those still possible, each with its probability, the most probable first.
     `finished` says that nothing is left to ask. `cured` names the repair that ended the case.
     `repairs` may be tried next, in order. `question` is for a person, if nothing else helps.
+    `isolated` says that the most probable cause is found: where tests are not sure, others may be
+    possible still.
     """
 
     exception: str
@@ -223,6 +234,14 @@ class CaseDiagnosis:
     cured: str | None = None
     repairs: tuple[str, ...] = ()
     question: "Question | None" = None
+
+    @property
+    def counted_on(self) -> tuple[CaseHypothesis, ...]:
+        """The hypotheses of which one is taken to be true: the most probable one if it is
+        found, else all.
+        """
+        possible = tuple(hypothesis for hypothesis, _ in self.hypotheses)
+        return possible[:1] if self.isolated else possible
 
     @property
     def question_text(self) -> str:
@@ -248,9 +267,10 @@ class Revision:
     """The changes that a diagnosis makes in the world model, each with its reason, and the lost
     resources.
 
-    `blocked` are patterns of steps that are not taken any more. `assumed` is what must have held
-    for the interrupted step to begin, `kept` is work like the work that the cause puts in doubt,
-    and `follows` are facts that hold (True) or do not hold any more by deductive operators.
+    `regained` are resources that a repair has put right again: they are lost no longer. `blocked`
+    are patterns of steps that are not taken any more. `assumed` is what must have held for the
+    interrupted step to begin, `kept` is work like the work that the cause puts in doubt, and
+    `follows` are facts that hold (True) or do not hold any more by deductive operators.
     """
 
     withdrawn: tuple[tuple[Atom, str], ...] = ()
@@ -261,6 +281,7 @@ class Revision:
     assumed: tuple[tuple[Atom, str], ...] = ()
     kept: tuple[tuple[Atom, str], ...] = ()
     follows: tuple[tuple[Atom, bool], ...] = ()
+    regained: tuple[str, ...] = ()
 
 
 AND, OR, XOR = "and", "or", "xor"

@@ -38,6 +38,7 @@ class _FaultReader:
 
     def model(self, path: str) -> FaultModel:
         self._name()
+        self._probability("lies")
         entries = self._section
         causes = [name for name, _, _ in entries("causes")]
         exceptions = {
@@ -63,6 +64,13 @@ class _FaultReader:
                 unknown_name("domain", node.value, [self.domain.name], node.where)
             )
 
+    def _probability(self, key: str) -> None:
+        if float(self.reader.text(key) or 0.0) > 1.0:
+            place = self.reader.root.descend((key,))
+            self.names.findings.add(
+                place.where, "K901", f"{place.value} is not a probability", "the largest is 1"
+            )
+
     def _section(self, section: str) -> list[tuple[str, YamlNode, YamlNode]]:
         return [
             entry
@@ -77,6 +85,13 @@ class _FaultReader:
         for cause, (place, count) in node.value["causes"][1].value.items():
             if self._known("cause", cause, causes, place):
                 counts[cause] = float(count.value)
+        if counts and not sum(counts.values()) + float(self.reader.text("smoothing") or 1.0):
+            message = (
+                "all counts of its causes are 0, and so is `smoothing`: no cause can be the one"
+            )
+            self.names.findings.add(
+                key.where, "K901", message, "count a cause, or let `smoothing` be above 0"
+            )
         operator = self._operator(node, "of")
         if operator is not None and (said := _child_node(node, "of")) is not None:
             self._bind(operator, said.file.path)  # another device may have begun the entry
@@ -147,6 +162,7 @@ class _FaultReader:
             _child_text(node, "asks") == "true",
             int(_child_text(node, "duration") or _child_text(node, "cost")),
             key.where,
+            int(_child_text(node, "repeats") or 1),
         )
 
     def _chances(

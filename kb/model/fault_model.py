@@ -61,7 +61,9 @@ class FaultTest:
     `otherwise`.
 
     `by` is the step that carries it out. `asks` says whether it is a question to a person. Costs
-    and durations are in the domain's unit of time.
+    and durations are in the domain's unit of time. `repeats` is how often it can be done so that
+    the outcomes are independent of each other given the cause; beyond that, and with 1, it gives
+    the same outcome again.
     """
 
     name: str
@@ -75,6 +77,7 @@ class FaultTest:
     asks: bool = False
     duration: int = 0
     where: Source = field(default=NOWHERE, compare=False)
+    repeats: int = 1
 
     def likelihood(self, outcome: str, cause: str) -> float:
         """The probability of an outcome under a cause."""

@@ -11,6 +11,16 @@ Say = Annotated[str, Field(description="a description for people, in a few words
 Chance = Annotated[
     str, Field(pattern=r"^[0-9](\.[0-9]{1,6})?$", description="a probability, such as 0.95")
 ]
+Repeats = Annotated[
+    WholeNumber,
+    Field(
+        ge=1,
+        le=20,
+        description="how often it can be done with independent outcomes; 1 if it gives the same "
+        "outcome "
+        "whenever it is repeated",
+    ),
+]
 Duration = Annotated[
     WholeNumber | None,
     Field(description="its duration, in units of the domain's time; equal to its cost if left out"),
@@ -92,6 +102,7 @@ class TestEntry(_ActionEntry):
         "to "
         "`otherwise`"
     )
+    repeats: Repeats = 1
 
 
 class RepairEntry(_ActionEntry):

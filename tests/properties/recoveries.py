@@ -142,7 +142,7 @@ def within_reach(ended: Ended, recovery: RecoveryResult) -> Iterator[str]:
     given_up = {
         each.goal
         for each in recovery.given_up
-        if not each.why.startswith(("it comes after", "not tog"))
+        if not each.why.startswith(("it comes after", "not begun"))
     }
     wanted = [(str(part), part, ()) for part in goal_parts(left.goal)]
     for chain in left.chains:

@@ -16,6 +16,7 @@ from cellwright.engine.stages.validation.condition_solving import condition_hold
 from cellwright.kb.commands import understand_command
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 from cellwright.kb.model.conditions import ALWAYS_TRUE, And, Condition, goal_parts
+from cellwright.kb.model.domain_model import Domain
 from cellwright.kb.model.planning_problem import Problem, finished_chains
 from cellwright.kb.syntax import ExpressionError, parse_expression
 from cellwright.kb.terms import Atom, Function, Number, Term
@@ -151,13 +152,14 @@ class RunScope:
     with reasons.
 
     `lost` are resources that cannot be used any more, `blocked` are patterns of steps that are not
-    taken any more.
+    taken any more. `whole` is the domain with all of its steps, if some are not taken any more.
     """
 
     problem: Problem
     given_up: tuple[RelinquishedGoal, ...] = ()
     lost: tuple[str, ...] = ()
     blocked: tuple[Atom, ...] = ()
+    whole: Domain | None = None
 
     def rest(self, state: WorldState) -> Problem:
         """What is left of it in a state; of a chain that is new nothing is reached."""
@@ -165,18 +167,22 @@ class RunScope:
         return remaining_problem(self.problem, reached, state.facts)
 
     def changed(self, revision: Revision) -> "RunScope":
-        """The scope without what a case has found to be lost, or to fail."""
-        lost = tuple(dict.fromkeys((*self.lost, *revision.lost)))
+        """The scope without what a case has found to be lost, or to fail, and with what a
+        repair has put right.
+        """
+        lost = tuple(
+            pattern
+            for pattern in dict.fromkeys((*self.lost, *revision.lost))
+            if pattern not in revision.regained
+        )
         blocked = tuple(
             dict.fromkeys((*self.blocked, *(pattern for pattern, _ in revision.blocked)))
         )
         if (lost, blocked) == (self.lost, self.blocked):
             return self
-        more = [pattern for pattern in blocked if pattern not in self.blocked]
-        problem = forbid_steps(
-            self.problem, [resource for resource in lost if resource not in self.lost], more
-        )
-        return RunScope(problem, self.given_up, lost, blocked)
+        whole = self.whole or self.problem.domain
+        problem = forbid_steps(replace(self.problem, domain=whole), lost, blocked)
+        return RunScope(problem, self.given_up, lost, blocked, whole)
 
     def narrowed(
         self, left: Problem, state: WorldState, given_up: tuple[RelinquishedGoal, ...]

@@ -1,10 +1,11 @@
 """Selects the goals that can be reached together; gives up the others, each with a reason.
 
-Goals are conjuncts of the goal, one for each object where it is about all, and chains up to one of
-their stages. A chain that is cut keeps the stages before the first one that cannot be reached; a
-chain that waits for another one no longer waits if that one is given up. An event occurs only as a
-stage of a chain. So what can be reached by itself is asked with the events of all chains allowed,
-and what needs an event of a chain is tried again once that chain is kept.
+Goals are conjuncts of the goal, one for each object where it is about all, and chains. A chain of
+which some stage cannot be reached is given up as a whole: a probe is not heated if it can no longer
+be cooled. Only the stages that another goal needs are kept of it. A chain that waits for another
+one no longer waits if that one is given up. An event occurs only as a stage of a chain. So what can
+be reached by itself is asked with the events of all chains allowed, and what needs an event of a
+chain is tried again once that chain is kept.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -31,6 +32,7 @@ from cellwright.kb.model.planning_problem import Chain, Problem, event_chains, e
 
 NOTHING_MORE = "no goal that is still open can be reached"
 IN_ANY_CASE = "it cannot be reached from this state, whatever is done"
+NOT_BEGUN = "not begun: what comes after it cannot be reached"
 NO_EVENT = "it needs an event of a workflow that is given up"
 MAX_KEPT_TASKS = 16  # ground tasks
 
@@ -103,7 +105,10 @@ def select_goals(
     search = _Search(problem, obstacles, limits)
     asked_parts = search.parts()
     alone = [search.alone(part) for part in asked_parts]
-    kept_parts = search.together([part for part in alone if part is not None])
+    kept_parts = search.together(
+        [part for part, longest in zip(asked_parts, alone, strict=True) if longest == part]
+    )
+    kept_parts = search.supported(kept_parts, [part for part in alone if part is not None])
     given_up = tuple(search.given_up(asked_parts, alone, kept_parts))
     remaining = search.only(kept_parts)
     answer = planner(remaining, limits) if kept_parts else outcome
@@ -160,8 +165,8 @@ class _Search:
         return self._longest([], part, free=True)
 
     def together(self, parts: list[GoalPart]) -> list[GoalPart]:
-        """Goals that can be reached together: all of them, else one after the other is added as
-        far as it goes.
+        """Goals that can be reached together: all of them, else one after the other is added if
+        it can be.
         """
         if not parts or not self._infeasible(parts):
             return parts
@@ -169,17 +174,33 @@ class _Search:
         while True:
             before = dict(kept_by_number)
             for number, part in enumerate(parts):
-                if kept_by_number.get(number) != part:
-                    other_parts = [
-                        kept_part
-                        for kept_number, kept_part in kept_by_number.items()
-                        if kept_number != number
-                    ]
-                    longest = self._longest(other_parts, part)
-                    kept_by_number |= {} if longest is None else {number: longest}
+                if number not in kept_by_number and not self._infeasible(
+                    [*kept_by_number.values(), part]
+                ):
+                    kept_by_number[number] = part
             # a goal may need an event of a later chain
             if kept_by_number == before or not self._with_events:
                 return [kept_by_number[number] for number in sorted(kept_by_number)]
+
+    def supported(self, kept: list[GoalPart], alone: Sequence[GoalPart]) -> list[GoalPart]:
+        """What is kept, with the goals that need only some stages of a chain whose end is out
+        of reach, and these stages.
+        """
+        for goal in [part for part in alone if part.chain is None and part not in kept]:
+            names = {part.chain.name for part in kept if part.chain is not None}
+            cuts = [
+                part.cut(n)
+                for part in alone
+                if part.chain is not None
+                for n in range(1, part.stages + 1)
+            ]
+            fit = (
+                [*kept, cut, goal]
+                for cut in cuts
+                if cut.chain is not None and cut.chain.name not in names
+            )
+            kept = next((parts for parts in fit if not self._infeasible(parts)), kept)
+        return kept
 
     def given_up(
         self,
@@ -189,19 +210,28 @@ class _Search:
     ) -> Iterator[RelinquishedGoal]:
         """What is not kept of each goal, with the reason."""
         for whole, reachable in zip(asked_goals, alone, strict=True):
-            final = next(
-                (k for k in kept_goals if (k.condition, k.chain) == (whole.condition, whole.chain)),
-                None,
-            )
-            if final == whole:
+            if whole in kept_goals:
                 continue
-            first = _first_given_up(whole, final)
-            reason = (
-                self._reason(first)
-                if final == reachable
-                else self._rivals(kept_goals, whole, first)
+            rivalled = reachable == whole
+            first = _first_given_up(
+                whole, self._longest(kept_goals, whole) if rivalled else reachable
             )
-            yield RelinquishedGoal(_goal_name(first), reason)
+            begun = next(
+                (
+                    part.stages
+                    for part in kept_goals
+                    if part.chain is not None and part.chain is whole.chain
+                ),
+                0,
+            )
+            for stage in (
+                whole.chain.stages[begun : first.stages - 1] if whole.chain is not None else ()
+            ):
+                yield RelinquishedGoal(f"{stage} of {_chain_name(whole)}", NOT_BEGUN)
+            yield RelinquishedGoal(
+                _goal_name(first),
+                self._rivals(kept_goals, whole, first) if rivalled else self._reason(first),
+            )
             if whole.chain is not None:
                 last = whole.chain.stages[first.stages - 1]
                 for stage in whole.chain.stages[first.stages :]:
@@ -302,6 +332,10 @@ def _first_given_up(whole: GoalPart, final: GoalPart | None) -> GoalPart:
     that is not kept.
     """
     return whole if whole.chain is None else whole.cut((final.stages if final else 0) + 1)
+
+
+def _chain_name(part: GoalPart) -> str:
+    return part.chain.name if part.chain is not None else ""
 
 
 def _goal_name(part: GoalPart) -> str:

@@ -6,6 +6,7 @@ hand is empty again). Or if all that it does is to carry what is lost from one p
 gripper takes a broken plate off the shaker.
 """
 
+import itertools
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -20,7 +21,7 @@ from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.model.conditions import And, Comparison, Condition, Literal, Or
 from cellwright.kb.model.domain_model import Operator
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.terms import Function, Term, Variable
+from cellwright.kb.terms import Function, Term, Variable, is_ground, match_term
 
 
 def forbid_steps(
@@ -35,16 +36,45 @@ def forbid_steps(
     if not lost and not blocked:
         return problem
     losses = _Losses(problem, lost) if lost else None
+    blocked = [operator for pattern in blocked for operator in _spelt_out(problem, pattern)]
     kept_operators = [
         _without_steps(
-            losses.spared(operator) if losses else operator,
-            [b for b in blocked if b.name == operator.name],
+            losses.spared(each) if losses else each, [b for b in blocked if b.name == each.name]
         )
-        for operator in problem.domain.operators
-        if not (losses and losses.stops(operator))
-        and not any(_is_whole(operator, pattern) for pattern in blocked)
+        for each in problem.domain.operators
+        if not (losses and losses.stops(each))
+        and not any(_is_whole(each, pattern) for pattern in blocked)
     ]
     return replace(problem, domain=replace(problem.domain, operators=tuple(kept_operators)))
+
+
+def _spelt_out(problem: Problem, pattern: Function) -> Iterator[Function]:
+    """A pattern for each value that fits an argument with variables inside a term: a condition
+    cannot say `slot(furnace, _)`.
+    """
+    inner = [not isinstance(each, Variable) and not is_ground(each) for each in pattern.arguments]
+    operator = next((each for each in problem.domain.operators if each.name == pattern.name), None)
+    if not any(inner) or operator is None:
+        yield pattern
+        return
+    statics = Semantics(problem).statics
+    choices = [
+        sorted(
+            {a.arguments[0] for a in statics.named(parameter.type) if _fits(term, a.arguments[0])},
+            key=str,
+        )
+        if partly
+        else [term]
+        for term, partly, parameter in zip(
+            pattern.arguments, inner, operator.parameters, strict=True
+        )
+    ]
+    yield from (Function(pattern.name, arguments) for arguments in itertools.product(*choices))
+
+
+def _fits(pattern: Term, value: Term) -> bool:
+    one, other = Function("_", (pattern,)), Function("_", (value,))
+    return match_term(one, other, {}) is not None
 
 
 class _Losses:

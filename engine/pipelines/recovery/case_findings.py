@@ -35,15 +35,15 @@ class CaseFindings:
 
     @property
     def believed(self) -> WorldState:
-        """The state now: what is sure under every hypothesis that is left."""
-        return self.beliefs.common(hypothesis for hypothesis, _ in self.made.hypotheses)
+        """The state now: what is sure under every hypothesis that is counted on."""
+        return self.beliefs.common(self.made.counted_on)
 
     @property
     def suspects(self) -> tuple[str, ...]:
         """The causes that are or may be there still."""
         if self.made.cured:
             return ()
-        return tuple(dict.fromkeys(cause for h, _ in self.made.hypotheses for cause in h.causes))
+        return tuple(dict.fromkeys(cause for h in self.made.counted_on for cause in h.causes))
 
     def applied(self, said: Revision) -> Revision:
         """What a revision comes to in this world: what holds now and did not, and the other way
@@ -67,6 +67,7 @@ class CaseFindings:
             asserted=asserted,
             restored=tuple((atom, why) for atom, why in said.restored if atom in now),
             lost=self._lost(),
+            regained=self._regained(),
             blocked=self._blocked(),
             kept=tuple(self._kept(before)),
             follows=tuple(_facts_following(gone, new, named_atoms)),
@@ -125,6 +126,20 @@ class CaseFindings:
             names += [str(term) for term in cell.given_up(self.beliefs.helped)]
         return tuple(dict.fromkeys(names))
 
+    def _regained(self) -> tuple[str, ...]:
+        """What is lost with the causes that are gone, and that the repair does not go on
+        without.
+        """
+        if self.made.cured is None:
+            return ()
+        names = [
+            str(t)
+            for h in self.made.counted_on
+            for cause in h.causes
+            for t in self.beliefs.cell.lost(cause)
+        ]
+        return tuple(each for each in dict.fromkeys(names) if each not in self._lost())
+
     def _blocked(self) -> Reasoned:
         cell = self.beliefs.cell
         return tuple(
@@ -138,7 +153,7 @@ class CaseFindings:
         in vain.
         """
         model = self.beliefs.cell.model
-        certain = len(self.made.hypotheses) <= 1
+        certain = len(self.made.counted_on) <= 1
         reasons = (
             name_with_meaning(f"{cause} is there still", model.causes[cause].say)
             if certain
@@ -171,7 +186,7 @@ def first_repair(
         return None
     for name in made.repairs:
         repair = model.repairs[name]
-        sure = all(cure_chance(repair, hypothesis) == 1.0 for hypothesis, _ in made.hypotheses)
+        sure = all(cure_chance(repair, hypothesis) == 1.0 for hypothesis in made.counted_on)
         later = beliefs.repaired(session, name) if sure and not repair.asks else None
         if later is not None:
             after, prepared = later

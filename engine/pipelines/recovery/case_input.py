@@ -1,10 +1,10 @@
 """Input of a case as texts: interrupted step, steps done, observed facts, scripted outcomes."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cellwright.engine.model.troubleshooting import CaseHypothesis
+from cellwright.engine.model.troubleshooting import Action, CaseAdvice, CaseHypothesis, Observation
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.pipelines.recovery import Dynamics, StepAchievement, WorldState
 from cellwright.engine.pipelines.recovery.observations import (
@@ -29,7 +29,7 @@ from cellwright.kb.numbers import NumberError, read_decimal
 from cellwright.kb.store.case_store import ClosedCase
 from cellwright.kb.terms import Atom, Function, Term, sort_naturally
 
-STEP_OPTION = Source("--step")
+STEP_OPTION, OUTCOMES = Source("--step"), Source("--outcomes")
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,27 +214,74 @@ def _require_known(
             _require_known(term.arguments, objects, functions)
 
 
-def scripted_answerer(model: FaultModel, text: str) -> Answerer:
-    """An answer for each test in a list `test=outcome, ...`.
+@dataclass(frozen=True, slots=True)
+class Scripted:
+    """Outcomes that were seen, in their order, and the answer to the question of a safe stop.
 
-    The case ends at any other test. Raises `InvalidInput`.
+    It is an `Answerer`.
     """
+
+    seen: tuple[Observation, ...]
+    answer: str | None = None
+
+    def __call__(self, action: Action, _: CaseAdvice) -> str | None:
+        """The answer to a question; the case ends at a test for which no outcome was given."""
+        return self.answer if action.name == QUESTION else None
+
+
+def seen_before(answer: Answerer) -> tuple[Observation, ...]:
+    """The outcomes that were seen before anything is asked: those of a list."""
+    return answer.seen if isinstance(answer, Scripted) else ()
+
+
+def scripted_answerer(model: FaultModel, text: str) -> Scripted:
+    """The outcomes in a list `test=outcome, ...`. Raises `InvalidInput`."""
     known_actions = {**model.tests, **model.repairs}
-    outcomes: dict[str, str] = {}
+    seen: list[Observation] = []
+    answer: str | None = None
     for part in filter(None, (part_text.strip() for part_text in text.split(","))):
         name, _, outcome = (half.strip() for half in part.partition("="))
         if name == QUESTION:
-            outcomes[name] = outcome
+            answer = outcome
             continue
         if name not in known_actions:
-            raise InvalidInput(
-                [unknown_name("test or repair", name, known_actions, Source("--outcomes"))]
-            )
+            raise InvalidInput([unknown_name("test or repair", name, known_actions, OUTCOMES)])
         possible = model.tests[name].outcomes if name in model.tests else (CURED, NOT_CURED)
         if outcome not in possible:
-            raise InvalidInput([unknown_name("outcome", outcome, possible, Source("--outcomes"))])
-        outcomes[name] = outcome
-    return lambda action, _advice: outcomes.get(action.name)
+            raise InvalidInput([unknown_name("outcome", outcome, possible, OUTCOMES)])
+        seen.append(Observation(name, outcome))
+    if wrong := list(_contradictions(model, seen)):
+        raise InvalidInput(wrong)
+    cures = [each for each in seen if each.outcome == CURED and each.action in model.repairs]
+    return Scripted((*(each for each in seen if each not in cures), *cures), answer)
+
+
+def _contradictions(model: FaultModel, seen: Sequence[Observation]) -> Iterator[Diagnostic]:
+    """Errors for a test that shows several outcomes though it always shows the same, and for
+    several cures.
+    """
+    for name in dict.fromkeys(each.action for each in seen):
+        shown = [each.outcome for each in seen if each.action == name]
+        most = model.tests[name].repeats if name in model.tests else 1
+        if len(set(shown)) > 1 and len(shown) > most:
+            said = f"'{name}' shows {' and '.join(dict.fromkeys(shown))}"
+            often = (
+                f"{most} independent outcomes"
+                if most > 1
+                else "the same outcome whenever it is repeated"
+            )
+            hint = "leave one out; `repeats` of a test says how often its outcomes are independent"
+            yield Diagnostic(OUTCOMES, "K907", f"{said}, and it has {often}", hint)
+    cures = dict.fromkeys(
+        each.action for each in seen if each.outcome == CURED and each.action in model.repairs
+    )
+    if len(cures) > 1:
+        yield Diagnostic(
+            OUTCOMES,
+            "K907",
+            f"{' and '.join(cures)} have both put it right",
+            "name the one that did",
+        )
 
 
 def hidden_hypothesis(model: FaultModel, text: str) -> CaseHypothesis:

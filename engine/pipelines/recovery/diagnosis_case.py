@@ -131,8 +131,16 @@ class DiagnosisCase:
         same = now.reached == moment.before.reached
         problem = moment.rest if same else remaining_problem(moment.problem, now.reached, now.facts)
         recovery = recover_goals(problem, change, limits, moment.left, now.facts, executable=same)
-        recovery = with_kept_sequence(recovery, problem, change.lost, store) if store else recovery
+        recovery = with_kept_sequence(recovery, problem, change, store) if store else recovery
         return replace(recovery, repair=first, now=now, change=change)
+
+    def revision_after(self, made: CaseDiagnosis, recovery: RecoveryResult | None) -> Revision:
+        """What the case changes in the world model, after the repair with which a recovery
+        begins if there is one.
+        """
+        if recovery is None or recovery.repair is None or recovery.change is None:
+            return self.revision(made)
+        return recovery.change
 
     def _revised(self, beliefs: CaseBeliefs, made: CaseDiagnosis) -> Revision:
         repaired = made.cured if made.cured in self.model.repairs else None
@@ -167,17 +175,19 @@ def open_diagnosis_case(
     target: str,
     exception: str,
     step: str = "",
-    objective: str = "isolate",
+    objective: str | None = None,
     store: str = "",
     expansions: int | None = None,
     interrupted: Interrupted = never,
     failed: FailedPlan | None = None,
     seen: ObservedFacts = ObservedFacts(),
+    certainty: float | None = None,
 ) -> DiagnosisCase:
     """Open a case. Raises `InvalidInput`.
 
     With the plan that failed, set-up and recovery begin where it was interrupted, and `step` may be
-    a number of the plan. `seen` corrects the state then.
+    a number of the plan. `seen` corrects the state then. Without an `objective` it is the one that
+    suits the tests, and so is the `certainty` with which a cause counts as found.
     """
     loaded = checked_plan.load_target(find_target(target))
     model, _ = load_faults(Path(loaded.domain.path))
@@ -195,8 +205,9 @@ def open_diagnosis_case(
     if store:
         with Cases(store) as cases:
             counted = cause_counts(counted, cases.history(model.domain, exception))
+    aim = CaseObjective(objective) if objective else None
     case = CaseSettings(
-        model, exception, taken, CaseObjective(objective), counted, expansions, interrupted
+        model, exception, taken, aim, counted, expansions, interrupted, certainty=certainty
     )
     return case_from_settings(case, loaded.domain, moment)
 
@@ -210,11 +221,12 @@ class CaseSettings:
     model: FaultModel
     exception: str
     step: Function | None = None
-    objective: CaseObjective = CaseObjective.ISOLATE
+    objective: CaseObjective | None = None  # None: the one that suits the tests
     counts: Mapping[str, float] | None = None
     expansions: int | None = None
     interrupted: Interrupted = never
     setup: bool = True  # tests are chosen by what it costs to prepare them, too
+    certainty: float | None = None  # with which a cause counts as found; None: what suits the tests
 
 
 def case_from_settings(
@@ -232,6 +244,7 @@ def case_from_settings(
         case.expansions,
         case.interrupted,
         beliefs,
+        case.certainty,
     )
     return DiagnosisCase(case.model, session, binding, domain, moment, beliefs)
 

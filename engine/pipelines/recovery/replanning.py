@@ -4,7 +4,6 @@ The plan that failed is revised before anything is planned anew. A kept sequence
 was lost.
 """
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from cellwright.engine.model.outcome import Found, Outcome
@@ -140,15 +139,18 @@ def plan_in_sequence(problem: Problem, limits: SearchLimits) -> Outcome | None:
 
 
 def with_kept_sequence(
-    recovery: RecoveryResult, problem: Problem, lost: Collection[str], store: str
+    recovery: RecoveryResult, problem: Problem, change: Revision, store: str
 ) -> RecoveryResult:
     """The recovery with the kept sequence of the problem from `store`, after its update by what
-    was lost.
+    was lost or regained.
     """
-    if not lost:
+    if not change.lost and not change.regained:
         return recovery
     from cellwright.engine.pipelines.planning.decomposition.kept_sequences import told_of_losses
 
     return replace(
-        recovery, sequence=told_of_losses(store, problem.replace(recovery.problem.initial), lost)
+        recovery,
+        sequence=told_of_losses(
+            store, problem.replace(recovery.problem.initial), change.lost, change.regained
+        ),
     )

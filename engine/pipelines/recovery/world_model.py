@@ -1,6 +1,7 @@
 """World model of a cell: how steps, tests, repairs and causes of exceptions change its state."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -366,11 +367,29 @@ class FaultyCell:
 
         So do those whose work would not count, because the cause puts it in doubt.
         """
-        blocked_steps = (*self.model.blocked(cause, self.exception), *self._vain(cause))
+        blocked_steps = (*self._said(cause), *self._vain(cause))
         patterns = tuple(dict.fromkeys(self._step(pattern) for pattern in blocked_steps))
         step = self.interrupted
         named = not patterns or step is None or _any_fits(patterns, step)
         return patterns if named or step is None else (*patterns, step)
+
+    def _said(self, cause: str) -> tuple[Function, ...]:
+        """What a cause blocks by the fault base.
+
+        If that is the interrupted operator by default, and the cause puts something in doubt, it is
+        about certain things: objects of the domain, and arguments of the step. Then it blocks the
+        steps of the operator with the same of these things as the interrupted step has; that step
+        alone if it has none of them.
+        """
+        entry, step = self.model.causes[cause], self.interrupted
+        patterns = self.model.blocked(cause, self.exception)
+        if entry.blocks is not None or step is None or not patterns or not entry.doubts:
+            return patterns
+        problem = self.dynamics.problem
+        objects = {Function(name) for name in (*problem.domain.objects, *problem.objects)}
+        named = {part for atom in self._bound(entry.doubts) for part in _parts(atom)}
+        same = _about(step, named & objects)
+        return (same if isinstance(same, Function) and same != step else step,)
 
     def lost(self, cause: str) -> tuple[Term, ...]:
         """The resources that are lost with a cause."""
@@ -487,6 +506,23 @@ def _unify(effect: Term, pattern: Term) -> dict[Variable, Term] | None:
     if any(part is None for part in parts):
         return None
     return {variable: term for part in parts if part for variable, term in part.items()}
+
+
+def _parts(term: Term) -> Iterator[Term]:
+    """A term and all terms in it."""
+    yield term
+    for argument in term.arguments if isinstance(term, Function) else ():
+        yield from _parts(argument)
+
+
+def _about(term: Term, things: AbstractSet[Term]) -> Term:
+    """A term with anything in place of what names none of some things; anything if none of them
+    is in it.
+    """
+    if term in things or not any(part in things for part in _parts(term)):
+        return term if term in things else ANYTHING
+    assert isinstance(term, Function)
+    return Function(term.name, tuple(_about(each, things) for each in term.arguments))
 
 
 def _any_fits(patterns: Iterable[Function], step: Function) -> bool:

@@ -21,6 +21,7 @@ from cellwright.engine.model.troubleshooting import (
     Try,
 )
 from cellwright.engine.stages.diagnosis import search_arrays
+from cellwright.engine.stages.diagnosis.bracketing import BracketSearch, expansion_ns, suits
 from cellwright.engine.stages.diagnosis.kernels import belief, dense, partition, rollout
 from cellwright.engine.stages.diagnosis.kernels.belief import Beliefs, Trail
 from cellwright.engine.stages.diagnosis.kernels.memo import Memo
@@ -218,6 +219,8 @@ def make_searcher(
         and states <= min(MAX_TABLE_STATES, TABLE_STATE_COST * expansions)
     ):
         return ValueTable(beliefs, problem, poll)
+    if sets is None and suits(problem, beliefs):
+        return BracketSearch(beliefs, poll)
     return BranchAndBound(beliefs, sets, poll)
 
 
@@ -226,6 +229,7 @@ MAX_EXPANSIONS_PER_CALL = 200_000
 EXPANSION_NS = 4.0
 # nanoseconds of an expansion that is cheap, and that a search may always take
 SMALL, SHARE = 19_000.0, 3e8
+BRACKETING = 9e8  # about nanoseconds that a search between bounds takes for one advice
 MAX_LEAVES = 10_000  # with at most this many leaves, the rollout looks a third step ahead
 MAX_OUTCOMES = 42  # with at most this many outcomes of actions, the rollout tries all of them
 ROLLOUT_NS = 3e8  # about nanoseconds of one core that a rollout may take
@@ -256,6 +260,8 @@ class ActionSelector:
         self.groups = search_arrays.cause_groups(beliefs)
         self._bases = (self._memo(), self._memo(), self._memo())
         self._followed: dict[int, Memo] = {}
+        # of the work of one advice: in a tree, the probability of reaching a node
+        self._share = 1.0
 
     def start(self, situation: int = 0) -> CaseStanding:
         """The state at the beginning: each cause with a positive prior is possible, and nothing
@@ -274,6 +280,8 @@ class ActionSelector:
         value, proved = self.exact.value(weights, rest, math.inf, self._budget(weights, rest))
         if proved:
             action, cost = self._first_best(weights, rest, value), value
+        elif isinstance(self.exact, BracketSearch):
+            action, cost = self._followed_bound(self.exact, weights, rest)
         else:
             action, cost = self._rollout(weights, rest)
         total = float(weights.sum())
@@ -317,7 +325,10 @@ class ActionSelector:
     ) -> Tree:
         """The tree of all that may follow, with the advice of this selector or of `choose`."""
         first = self.start() if standing is None else standing
-        return self._grow(first, choose or self.advise, float(self.weights(first).sum()))
+        try:
+            return self._grow(first, choose or self.advise, float(self.weights(first).sum()))
+        finally:
+            self._share = 1.0
 
     def rule(self, name: str) -> Callable[[CaseStanding], CaseAdvice]:
         """A function that gives the advice of a one-step rule of `RULES`."""
@@ -342,6 +353,7 @@ class ActionSelector:
     ) -> Tree:
         weights = self.weights(standing)
         total = float(weights.sum())
+        self._share = total / root
         advice = choose(standing)
         if advice.action is None:
             conclusion = advice.conclusion
@@ -376,6 +388,15 @@ class ActionSelector:
                 if proved:
                     return action
         raise AssertionError("no action has the optimal value")
+
+    def _followed_bound(
+        self, search: BracketSearch, weights: Floats, rest: int
+    ) -> tuple[int | None, float]:
+        """The action with which the upper bound begins, and this bound: going on like this
+        costs no more.
+        """
+        _, cost, action = search.bounds(weights, rest)
+        return (None, cost) if action < 0 else (action, cost)
 
     def _rollout(self, weights: Floats, rest: int) -> tuple[int | None, float]:
         """The first action by a lookahead over rules, and a cost that is not exceeded by going
@@ -417,6 +438,8 @@ class ActionSelector:
         if self.expansions is not None:
             return self.expansions
         beliefs, telling = self.exact.beliefs, len(self._telling(weights, rest))
+        if isinstance(self.exact, BracketSearch):
+            return int(self._share * BRACKETING / expansion_ns(beliefs)) + 1
         taken = (
             EXPANSION_NS
             * len(self.problem.actions)
@@ -469,6 +492,10 @@ class ActionSelector:
                 return cost
             self._followed[rule] = table.grown()
 
+    def available(self, standing: CaseStanding) -> list[int]:
+        """The actions that are not done and may change what is believed, in the declared order."""
+        return self._telling(*self._state(standing))
+
     def _telling(self, weights: Floats, rest: int) -> list[int]:
         trail, actions = self._trail(weights, rest), range(len(self.problem.actions))
         return [a for a in actions if belief.tells(self.exact.beliefs, trail, 0, a)]
@@ -496,11 +523,12 @@ class ActionSelector:
         return tuple((action, cost) for cost, action in sorted(costs))
 
     def _conclusion(self, weights: Floats) -> int | None:
-        losses = self.exact.beliefs.losses
+        losses, slack = self.exact.beliefs.losses, self.exact.beliefs.slack
         if not len(losses):
             return None
-        left = weights > 0.0
-        expected = losses[:, left] @ weights[left]
+        barred = np.isinf(losses)
+        expected = np.where(barred, 0.0, losses) @ weights
+        expected[barred @ weights > slack * weights.sum()] = np.inf
         return int(np.argmin(expected)) if np.isfinite(expected).any() else None
 
     def _state(self, standing: CaseStanding) -> tuple[Floats, int]:

@@ -68,7 +68,7 @@ def world_revision(
             if repaired
             else []
         )
-    possible = {cause for hypothesis, _ in diagnosis.hypotheses for cause in hypothesis.causes}
+    possible = {cause for hypothesis in diagnosis.counted_on for cause in hypothesis.causes}
     restored = {
         atom: f"{cause} is ruled out"
         for cause in model.exceptions[diagnosis.exception].counts

@@ -5,7 +5,7 @@ sets; exact probabilities decide their order.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -27,13 +27,16 @@ from cellwright.engine.model.troubleshooting import (
 )
 from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
 from cellwright.engine.stages.diagnosis.fault_problems import (
+    CURED,
     CaseObjective,
     PlanSetup,
     case_of,
+    chance_of,
     cure_chance,
     no_setup,
     open_case,
     outcome_likelihood,
+    suited_objective,
 )
 from cellwright.kb.asp.model_search import best_models
 from cellwright.kb.model.fault_model import FaultModel, FaultTest, Repair
@@ -41,6 +44,8 @@ from cellwright.kb.model.plan_model import Step
 from cellwright.kb.terms import Function
 
 MAX_EXPLANATIONS = 12
+# the probability of what is said never to be: it counts only if nothing else explains what was seen
+LEAST = 1e-12
 _LOG_SCALE = 1000  # the factor of the negative logarithms that clingo adds up
 
 _EXPLANATION_RULES = """
@@ -131,7 +136,7 @@ def _failure_facts(failed: Sequence[Repair], priors: Mapping[str, float]) -> lis
 
 
 def _log_cost(probability: float) -> int:
-    return max(1, round(-_LOG_SCALE * math.log(max(probability, 1e-12))))
+    return max(1, round(-_LOG_SCALE * math.log(max(probability, LEAST))))
 
 
 def _hypothesis_of(atoms: Sequence[Function]) -> CaseHypothesis:
@@ -147,9 +152,9 @@ def _joint_probability(
     hypothesis: CaseHypothesis,
 ) -> float:
     """The probability of a hypothesis together with what was seen, up to a factor."""
-    weight = math.prod(priors[cause] for cause in hypothesis.causes) * model.lies ** len(
-        hypothesis.lies
-    )
+    weight = math.prod(priors[cause] for cause in hypothesis.causes) * max(
+        model.lies, LEAST
+    ) ** len(hypothesis.lies)
     for observation in seen:
         test: FaultTest = model.tests[observation.action]
         weight *= outcome_likelihood(test, observation.outcome, hypothesis)
@@ -173,6 +178,9 @@ class CaseExecutor(Protocol):
         """A test or repair was done, after what prepared it, and had this outcome."""
 
 
+NOT_ASKED = CaseAdvice(None, None, 0.0, 0.0, True)
+"""No advice: an outcome was given without being asked for."""
+ROUNDING = 1e-9  # of probabilities
 QUESTION, PUT_RIGHT, A_PERSON = "question", "yes", "a person"
 
 
@@ -182,12 +190,13 @@ class CaseSession:
 
     model: FaultModel
     exception: str
-    objective: CaseObjective = CaseObjective.ISOLATE
+    objective: CaseObjective | None = CaseObjective.ISOLATE  # None: the one that suits the tests
     counts: Mapping[str, float] | None = None
     setup: PlanSetup = no_setup
     expansions: int | None = None
     interrupted: Interrupted = never
     hands: CaseExecutor | None = None
+    certainty: float | None = None  # with which a cause counts as found; None: what suits the tests
     stages: list[CaseStep] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)  # what cannot be prepared any more
     prepared: PreparationSteps | None = None  # what comes before the outcome that is asked for now
@@ -195,7 +204,10 @@ class CaseSession:
     ended: Floats | None = None
 
     def __post_init__(self) -> None:
-        self._take(open_case(self.model, self.exception, self.objective, self.counts, self.setup))
+        self.aim = self.objective or suited_objective(self.model, self.exception, self.counts)
+        model, exception, counts = self.model, self.exception, self.counts
+        self._take(open_case(model, exception, self.aim, counts, self.setup, self.certainty))
+        self.asked = self.case.certainty
 
     def _take(self, case: Case, situation: int = 0) -> None:
         self.case = case
@@ -244,6 +256,49 @@ class CaseSession:
         else:
             self._widen(after.situation)
 
+    def take_in(self, seen: Observation) -> None:
+        """Take in an outcome that was seen, whether it was asked for or not.
+
+        What the same test has shown already is known, unless its repetitions are independent.
+        """
+        name, outcome = seen.action, seen.outcome
+        actions = self.case.problem.actions
+        self.prepared = (
+            None if self.hands is None else self.hands.prepare(self, name) or PreparationSteps()
+        )
+        after = self.selector.available(self.standing)
+        number = next((n for n in after if actions[n].name == name), None)
+        if number is not None:
+            self.observe(number, actions[number].outcomes.index(outcome), NOT_ASKED)
+        elif not self._is_known(name):
+            self._condition(seen)
+
+    def _is_known(self, name: str) -> bool:
+        """Whether doing a test or repair once more shows what it has shown."""
+        times = sum(stage.observed.action == name for stage in self.stages)
+        return times >= (self.model.tests[name].repeats if name in self.model.tests else 1)
+
+    def _condition(self, seen: Observation) -> None:
+        """Take in the outcome of a test or repair that is no action of the case."""
+        done = self.model.tests.get(seen.action) or self.model.repairs[seen.action]
+        belief = self.belief()
+        cost = float(done.cost)
+        steps: tuple[Step, ...] = ()
+        if self.prepared is not None and self.hands is not None:
+            steps, cost = self.prepared.steps, cost + self.prepared.cost
+            self.hands.carried_out(seen.action, seen.outcome, self.prepared)
+        before = tuple((str(h), p) for h, p in belief)
+        self.stages.append(CaseStep(before, NOT_ASKED, seen, cost, steps))
+        left = [(h, p * chance_of(done, seen.outcome, h)) for h, p in belief]
+        left = [(h, p) for h, p in left if p > 0.0]
+        situation = self.standing.situation
+        if not left:
+            self._widen(situation)
+            return
+        self._go_on(tuple(h for h, _ in left), [p for _, p in left], situation)
+        if isinstance(done, Repair) and seen.outcome == CURED:
+            self.cured, self.ended = done.name, self.selector.weights(self.standing)
+
     def prepare(self, action: int) -> bool:
         """Find out what must be done before an action; an action that cannot be prepared any
         more is left out.
@@ -269,8 +324,9 @@ class CaseSession:
         again.
         """
         done = [*(stage.observed.action for stage in self.stages), *self.left_out]
+        model, asked = self.model, self.asked
         case = case_of(
-            self.model, self.exception, hypotheses, weights, self.objective, self.setup, done
+            model, self.exception, hypotheses, weights, self.aim, self.setup, done, asked
         )
         self._take(case, situation if case.problem.setup else 0)
 
@@ -304,7 +360,8 @@ class CaseSession:
         """The state of the case."""
         belief = self.belief()
         cost = sum(stage.cost for stage in self.stages)
-        isolated = len({h.causes for h, _ in belief}) == 1
+        likely = self.asked < 1.0 and belief[0][1] >= self.asked - ROUNDING
+        isolated = likely or len({h.causes for h, _ in belief}) == 1
         repairs = () if self.cured else self._repairs(belief)
         question = (
             None if self.cured or repairs or self._answered(belief) else self._question(belief)
@@ -351,8 +408,15 @@ class CaseSession:
         return Question(f"{said}: what is the matter?", (*likely, "something else"))
 
 
-def run_session(session: CaseSession, answer: Answerer) -> CaseDiagnosis:
-    """Ask until the case is decided, nothing is left to ask, or there is no answer."""
+def run_session(
+    session: CaseSession, answer: Answerer, given: Iterable[Observation] = ()
+) -> CaseDiagnosis:
+    """Ask until the case is decided, nothing is left to ask, or there is no answer.
+
+    What is `given` was seen before anything is asked.
+    """
+    for seen in given:
+        session.take_in(seen)
     for _ in case_steps(session, answer):
         pass
     diagnosis = session.diagnosis()

@@ -28,17 +28,21 @@ from cellwright.kb.model.fault_model import FaultModel
 class HiddenWorld:
     """Answers by the name of a test or repair.
 
-    The same question gets the same answer; `chance` decides uncertain ones.
+    The same question gets the same answer, but for repetitions that are independent; `chance`
+    decides uncertain ones.
     """
 
     model: FaultModel
     hidden: CaseHypothesis
     chance: random.Random = field(default_factory=lambda: random.Random(0))
     answered: dict[str, str] = field(default_factory=dict)
+    times: dict[str, int] = field(default_factory=dict)
 
     def answer(self, name: str) -> str:
         """The outcome of a test or repair."""
-        if name not in self.answered:
+        test = self.model.tests.get(name)
+        self.times[name] = self.times.get(name, 0) + 1
+        if name not in self.answered or (test is not None and self.times[name] <= test.repeats):
             distribution = self._distribution(name)
             self.answered[name] = self.chance.choices(
                 list(distribution), list(distribution.values())

@@ -42,6 +42,10 @@ def belief_arrays(problem: Troubleshooting) -> Beliefs:
         _key_shifts(widths, base),
         widths,
         base,
+        1.0 - problem.certainty,
+        np.array(
+            [-1 if action.repeats is None else action.repeats for action in actions], dtype=np.int64
+        ),
     )
 
 
@@ -72,10 +76,27 @@ def _key_shifts(widths: Longs, first: int) -> Longs:
 
 
 def rest_after(problem: Beliefs, action: int, outcome: int, rest: int) -> int:
-    """The rest of the key after an outcome of an action."""
+    """The rest of the key after an outcome of an action.
+
+    Outcomes of repetitions are kept in descending order.
+    """
     situation = situation_in_key(problem, rest)
     after = rest ^ situation ^ int(problem.following[situation, action])
-    return after | (outcome + 1) << int(problem.shifts[action]) if problem.widths[action] else after
+    if not problem.widths[action]:
+        return after
+    digit = outcome + 1
+    while (earlier := int(problem.before[action])) >= 0 and (
+        seen := digit_in(problem, earlier, after)
+    ) < digit:
+        after ^= seen << int(problem.shifts[earlier])
+        after |= seen << int(problem.shifts[action])
+        action = earlier
+    return after | digit << int(problem.shifts[action])
+
+
+def digit_in(problem: Beliefs, action: int, rest: int) -> int:
+    """The outcome of an action plus one in the rest of a key; 0 if there is none."""
+    return (rest >> int(problem.shifts[action])) & ((1 << int(problem.widths[action])) - 1)
 
 
 def situation_in_key(problem: Beliefs, rest: int) -> int:
@@ -87,7 +108,7 @@ def cause_set_arrays(problem: Troubleshooting, arrays: Beliefs) -> Partition | N
     """The problem for the search over sets of causes; None if outcomes are uncertain or conclusions
     have losses.
     """
-    if arrays.widths.any() or not np.isin(arrays.losses, (0.0, np.inf)).all():
+    if arrays.widths.any() or arrays.slack > 0.0 or not np.isin(arrays.losses, (0.0, np.inf)).all():
         return None
     goals = arrays.losses == 0.0
     together = np.concatenate([goals, arrays.likelihoods[arrays.ends] > 0.0])
@@ -144,13 +165,19 @@ def _setup_arrays(actions: tuple[Action, ...], setup: Setup | None) -> tuple[Flo
 def _costs_if_known(losses: Floats, likelihoods: Floats, ends: Truths, costs: Floats) -> Floats:
     """For each cause, a lower bound on the cost of ending the case if the cause were known.
 
-    A conclusion costs its loss. A repair that costs c ends the case with probability p. However
-    repairs are combined, curing the cause costs at least the best c / p.
+    A conclusion costs its loss. A repair that costs c ends the case with probability p, and helps
+    no more if it is repeated. So repairs are tried in the order of c / p, as far as that is cheaper
+    than the conclusion.
     """
     chances = (likelihoods * ends[:, :, None]).sum(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rates = np.where(chances > 0.0, costs[:, None] / chances, np.inf)
-    least: Floats = np.concatenate([losses, rates]).min(axis=0, initial=np.inf)
+    least: Floats = losses.min(axis=0, initial=np.inf)
+    for cause in range(len(least)):
+        cures = [(costs[a], p) for a, p in enumerate(chances[:, cause].tolist()) if p > 0.0]
+        for cost, chance in sorted(cures, key=lambda each: each[0] / each[1], reverse=True):
+            after = (1.0 - chance) * least[cause] if chance < 1.0 else 0.0
+            least[cause] = min(least[cause], cost + after)
+        if not np.isfinite(least[cause]) and cures:
+            least[cause] = min(cost / chance for cost, chance in cures)
     return least
 
 

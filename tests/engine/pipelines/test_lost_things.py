@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.pipelines.planning.restrictions import forbid_steps
 from cellwright.kb.loader import load_problem
 from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.terms import ANYTHING, Function, Number
 
 DOMAIN = """domain: shaking
 types: {place: object, arm: object, plate: object, lid: plate}
@@ -81,3 +82,21 @@ def test_what_is_said_of_another_thing_does_not_keep_a_plate_where_it_is(tmp_pat
     assert steps(asked)
     assert not steps(asked, "cover")
     assert steps(problem(tmp_path, "[free(shaker)]"), "one")
+
+
+def test_a_pattern_may_leave_a_part_of_a_term_open() -> None:
+    """Nothing can be put into the furnace: the probe cannot be heated there.
+
+    The drawer has other slots than one.
+    """
+    problem = checked_plan.problem_of("themse/one")
+    furnace = Function("slot", (Function("furnace"), ANYTHING))
+    without = forbid_steps(problem, blocked=[Function("put", (ANYTHING, furnace))])
+    assert isinstance(checked_plan.plan_problem(without), Infeasible)
+    other = Function("slot", (Function("drawer"), Number(2)))
+    assert isinstance(
+        checked_plan.plan_problem(
+            forbid_steps(problem, blocked=[Function("put", (ANYTHING, other))])
+        ),
+        Found,
+    )

@@ -63,7 +63,25 @@ Hidden = Annotated[
 ]
 WholeTree = Annotated[bool, Option("--tree", help="print the whole decision tree")]
 Explain = Annotated[bool, Option("--explain", help="say why this test is next")]
-Objective = Annotated[CaseGoal, Option("--objective", help="find the cause, or repair the fault")]
+Objective = Annotated[
+    CaseGoal | None,
+    Option(
+        "--objective",
+        help="find the cause, or repair the fault; if not given, repair where only unsure tests "
+        "tell causes apart",
+    ),
+]
+Certainty = Annotated[
+    float | None,
+    Option(
+        "--certainty",
+        min=0,
+        max=1,
+        callback=number_option,
+        help="the probability with which a cause counts as found; if not given, 1, or 0.95 where "
+        "tests are not sure",
+    ),
+]
 Recover = Annotated[
     bool, Option("--recover", help="then plan from the state found to the goals of the problem")
 ]
@@ -116,7 +134,8 @@ def diagnose_target(
     hidden: Hidden = "",
     tree: WholeTree = False,
     explain: Explain = False,
-    objective: Objective = CaseGoal.ISOLATE,
+    objective: Objective = None,
+    certainty: Certainty = None,
     recover: Recover = False,
     plan: FailedPlan = None,
     done: Done = "",
@@ -137,7 +156,17 @@ def diagnose_target(
     """
     form = AnswerForm.JSON if format is DiagnosisForm.JSON else AnswerForm.TEXT
     asked = DiagnosisRequest(
-        target, exception, step, objective, plan, done, (holds, gone), store, expansions, time_limit
+        target,
+        exception,
+        step,
+        objective,
+        plan,
+        done,
+        (holds, gone),
+        store,
+        expansions,
+        time_limit,
+        certainty,
     )
     manner = DiagnosisManner(
         tree, explain, outcomes, hidden, recover, seed, format is DiagnosisForm.SVG
@@ -157,13 +186,14 @@ class DiagnosisRequest:
     target: str
     exception: str
     step: str
-    objective: CaseGoal
+    objective: CaseGoal | None
     plan: Path | None
     done: str
     seen: tuple[str, str]
     store: str
     expansions: int | None
     seconds: float | None
+    certainty: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +257,7 @@ def _diagnose_target(asked: DiagnosisRequest, manner: DiagnosisManner) -> VerbAn
     from cellwright.engine.pipelines.recovery.diagnosis_case import open_diagnosis_case
 
     failed = FailedPlan(asked.plan, asked.step, asked.done) if asked.plan else None
-    objective, store = asked.objective.value, asked.store
+    objective, store = asked.objective.value if asked.objective else None, asked.store
     with SearchInterruption(asked.seconds) as interrupted:
         fault_case = open_diagnosis_case(
             asked.target,
@@ -239,6 +269,7 @@ def _diagnose_target(asked: DiagnosisRequest, manner: DiagnosisManner) -> VerbAn
             interrupted,
             failed,
             ObservedFacts(*asked.seen),
+            asked.certainty,
         )
         answer = _case_answer(fault_case, manner, interrupted, store)
     return replace(answer, code=INTERRUPTED) if interrupted.heard else answer
@@ -326,15 +357,16 @@ def _work_case(found: "DiagnosisCase", answer: "Answerer", recover: bool, store:
 
     from cellwright.engine.formats.report.runs import diagnosis_report as report
     from cellwright.engine.formats.report.runs import recovery_report
+    from cellwright.engine.pipelines.recovery.case_input import seen_before
     from cellwright.engine.stages.diagnosis.case_session import run_session
 
-    diagnosis = run_session(found.session, answer)
+    diagnosis = run_session(found.session, answer, seen_before(answer))
     lost = lost_case(found, diagnosis, store)
-    certain, change = found.certainties(diagnosis), found.revision(diagnosis)
+    went_on = found.recover(diagnosis, store) if recover else None
+    certain, change = found.certainties(diagnosis), found.revision_after(diagnosis, went_on)
     content: dict[str, Any] = report.case_entry(diagnosis, certain, change)
     shown = [report.case_text(found.model, diagnosis, certain, change)]
-    if recover:
-        went_on = found.recover(diagnosis, store)
+    if went_on is not None:
         content["recovery"] = recovery_report.recovery_entry(went_on)
         shown.append(recovery_report.recovery_text(went_on))
     return VerbAnswer(

@@ -165,7 +165,7 @@ def _ending_lines(model: FaultModel, case_diagnosis: CaseDiagnosis) -> list[str]
     if case_diagnosis.isolated:
         says = _cause_text(model, case_diagnosis)
         lines.append(f"cause: {case_diagnosis.hypotheses[0][0]}" + (f" ({says})" if says else ""))
-    else:
+    if not case_diagnosis.isolated or len(case_diagnosis.hypotheses) > 1:
         lines += [
             f"possible: {hypothesis} {chance:.3f}"
             for hypothesis, chance in case_diagnosis.hypotheses

@@ -367,10 +367,12 @@ def _carried_on(
 
 
 def told_of_losses(
-    store: str, problem: Problem, lost: Collection[str]
+    store: str, problem: Problem, lost: Collection[str], regained: Collection[str] = ()
 ) -> KeptSequenceProgress | None:
-    """The kept sequence of a problem after tools or resources were lost; None if none is kept.
-    Raises `InvalidInput`.
+    """The kept sequence of a problem after tools or resources were lost, and others put right
+    again.
+
+    None if none is kept. Raises `InvalidInput`.
 
     Names in `lost` that are neither objects nor resources of the problem do not concern the
     sequence, and are ignored.
@@ -378,8 +380,6 @@ def told_of_losses(
     with Sequences(store) as sequences:
         if sequences.of(problem.domain.name, problem.name) is None:
             return None
-    return carry_on(
-        store,
-        problem,
-        SequenceNews(lost=tuple(name for name in lost if name in losable_resources(problem))),
-    )
+    known = losable_resources(problem)
+    gone, back = (tuple(name for name in names if name in known) for names in (lost, regained))
+    return carry_on(store, problem, SequenceNews(lost=gone, restored=back))

@@ -8,7 +8,8 @@ cdef double inf
 
 @cython.final
 cdef class Beliefs:
-    cdef readonly object likelihoods, ends, repairs, shown, costs, following, losses, known, shifts, widths
+    cdef readonly object likelihoods, ends, repairs, shown, costs, following, losses, known, shifts, widths, before
+    cdef readonly double slack
     cdef readonly long long situations
     cdef readonly Py_ssize_t causes, actions, outcomes, sets, words
     cdef Py_ssize_t conclusions, changes
@@ -18,7 +19,7 @@ cdef class Beliefs:
     cdef const unsigned char[::1] _repairs
     cdef const double[:, ::1] _costs, _losses
     cdef const double[::1] _known
-    cdef const long long[::1] _shifts, _widths
+    cdef const long long[::1] _shifts, _widths, _before
 
 @cython.final
 cdef class Trail:
@@ -41,16 +42,25 @@ cdef class Trail:
     @cython.locals(count="long long", place=Py_ssize_t, cause=Py_ssize_t, likelihood=double)
     cpdef long long follow(self, Beliefs problem, Py_ssize_t level, Py_ssize_t action, Py_ssize_t outcome) noexcept
 
-    @cython.locals(word=Py_ssize_t, place=Py_ssize_t, cause=Py_ssize_t, situation="long long", shift="long long")
+    @cython.locals(word=Py_ssize_t, place=Py_ssize_t, cause=Py_ssize_t, situation="long long")
     cdef void _name(self, Beliefs problem, Py_ssize_t level, Py_ssize_t action, Py_ssize_t outcome) noexcept
 
-@cython.locals(best=double, loss=double, conclusion=Py_ssize_t, place=Py_ssize_t, cause=Py_ssize_t)
+    @cython.locals(earlier="long long", seen="long long")
+    cdef void _note(self, Beliefs problem, Py_ssize_t level, long long action, long long digit) noexcept
+
+    @cython.locals(shift="long long", word=Py_ssize_t, mask="unsigned long long")
+    cdef void _put(self, Beliefs problem, Py_ssize_t level, long long action, long long digit) noexcept
+
+@cython.locals(best=double, most=double, barred=double, loss=double, conclusion=Py_ssize_t, place=Py_ssize_t, cause=Py_ssize_t)
 cpdef double stop(Beliefs problem, Trail trail, Py_ssize_t level) noexcept
 
 @cython.locals(total=double, place=Py_ssize_t, cause=Py_ssize_t)
-cdef double floor_of(Beliefs problem, Trail trail, Py_ssize_t level) noexcept
+cpdef double floor_of(Beliefs problem, Trail trail, Py_ssize_t level) noexcept
 
 @cython.locals(width="long long", shift="long long", word="unsigned long long", one="unsigned long long")
+cdef long long digit_of(Beliefs problem, Trail trail, Py_ssize_t level, Py_ssize_t action) noexcept
+
+@cython.locals(earlier="long long")
 cpdef bint is_done(Beliefs problem, Trail trail, Py_ssize_t level, Py_ssize_t action) noexcept
 
 @cython.locals(saved=double, likelihood=double, outcome=Py_ssize_t, place=Py_ssize_t, cause=Py_ssize_t)

@@ -37,6 +37,8 @@ class Beliefs:
         shifts: Longs,
         widths: Longs,
         situations: int,
+        slack: float = 0.0,
+        before: Longs | None = None,
     ) -> None:
         """Takes the arrays of a problem. Raises `ValueError` if their shapes do not agree.
 
@@ -45,7 +47,10 @@ class Beliefs:
         everywhere if it is uncertain. `costs` and `following` (K, A). `losses` (G, C) of the
         conclusions. `known` (C,): a lower bound of the cost if c were known. The rest of a key has
         the situation in its lowest `situations` bits; at `shifts` (A,) the outcome of action a plus
-        one, in `widths` (A,) bits (0 if it is certain).
+        one, in `widths` (A,) bits (0 if it is certain). A conclusion is allowed where the causes
+        that forbid it have at most the part `slack` of the weight. `before` (A,) is the action of
+        which an action is a repetition, else -1: repetitions come one after the other, and which of
+        them had which outcome does not matter.
         """
         self.actions, self.outcomes, self.causes = likelihoods.shape
         self.conclusions, self.changes = len(losses), len(costs)
@@ -60,6 +65,11 @@ class Beliefs:
         self.likelihoods, self.ends, self.repairs, self.shown = likelihoods, ends, repairs, shown
         self.costs, self.following, self.losses, self.known = costs, following, losses, known
         self.shifts, self.widths, self.situations = shifts, widths, situations
+        self.slack = slack * (1.0 + 1e-9)
+        self.before = np.full(a, -1, np.int64) if before is None else before
+        if self.before.shape != (a,) or (self.before >= np.arange(a)).any():
+            raise ValueError("a repetition comes after the action that it repeats")
+        self._before = whole(self.before)
         self._likelihoods, self._shown = real(likelihoods), whole(shown)
         self._ends, self._repairs = whole(ends.view(np.uint8)), whole(repairs.view(np.uint8))
         self._costs, self._following = real(costs), whole(following)
@@ -151,21 +161,43 @@ class Trail:
             situation ^ problem._following[situation, action]
         )
         if problem._widths[action]:
-            shift = problem._shifts[action]
-            self.keys.words[level + 1, problem.sets + (shift >> 6)] |= self._bit(shift) * (
-                outcome + 1
-            )
+            self._note(problem, level + 1, action, outcome + 1)
+
+    def _note(self, problem: Beliefs, level: int, action: int, digit: int) -> None:
+        """Write an outcome plus one. The outcomes of repetitions are kept in descending order."""
+        while problem._before[action] >= 0:
+            earlier = problem._before[action]
+            seen = digit_of(problem, self, level, earlier)
+            if seen >= digit:
+                break
+            self._put(problem, level, action, seen)
+            self._put(problem, level, earlier, 0)
+            action = earlier
+        self._put(problem, level, action, digit)
+
+    def _put(self, problem: Beliefs, level: int, action: int, digit: int) -> None:
+        """Write a digit in place of what is there."""
+        shift = problem._shifts[action]
+        word, mask = problem.sets + (shift >> 6), self._bit(problem._widths[action]) - 1
+        self.keys.words[level, word] &= ~(mask << (shift & 63))
+        self.keys.words[level, word] |= self._bit(shift) * digit
 
 
 def stop(problem: Beliefs, trail: Trail, level: int) -> float:
     """The loss of the best conclusion; infinite if none is allowed."""
-    best = inf
+    best, most = inf, 0.0
+    if problem.slack > 0.0:
+        most = problem.slack * trail.mass(level)
     for conclusion in range(problem.conclusions):
-        loss = 0.0
+        loss, barred = 0.0, 0.0
         for place in range(trail.counts[level]):
             cause = trail.members[level, place]
-            loss += trail.weights[level, cause] * problem._losses[conclusion, cause]
-            if loss >= best:
+            if problem._losses[conclusion, cause] == inf:
+                barred += trail.weights[level, cause]
+            else:
+                loss += trail.weights[level, cause] * problem._losses[conclusion, cause]
+            if loss >= best or barred > most:
+                loss = inf
                 break
         best = min(best, loss)
     return best
@@ -180,16 +212,24 @@ def floor_of(problem: Beliefs, trail: Trail, level: int) -> float:
     return total
 
 
-def is_done(problem: Beliefs, trail: Trail, level: int, action: int) -> bool:
-    """Whether the key has an outcome of an action.
+def digit_of(problem: Beliefs, trail: Trail, level: int, action: int) -> int:
+    """What the key has of an action: its outcome plus one, or 0.
 
-    It has none for actions whose outcomes are certain.
+    It has nothing of actions whose outcomes are certain.
     """
     width, shift = problem._widths[action], problem._shifts[action]
     if width == 0:
-        return False
+        return 0
     word = trail.keys.words[level, problem.sets + (shift >> 6)]
-    return (word >> (shift & 63)) & ((1 << width) - 1) != 0
+    return (word >> (shift & 63)) & ((1 << width) - 1)
+
+
+def is_done(problem: Beliefs, trail: Trail, level: int, action: int) -> bool:
+    """Whether an action is done, or repeats one that is not done yet."""
+    if digit_of(problem, trail, level, action):
+        return True
+    earlier = problem._before[action]
+    return earlier >= 0 and not digit_of(problem, trail, level, earlier)
 
 
 def _ended(problem: Beliefs, trail: Trail, level: int, action: int) -> float:

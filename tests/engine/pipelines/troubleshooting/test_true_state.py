@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
 from cellwright.engine.formats.report.runs.recovery_report import given_up_lines
+from cellwright.engine.pipelines.planning.goal_selection import NOT_BEGUN
 
 MEASURE = "us_measure(us_probe, t3_746, m2)"
 PICK = "pick(probe_1, slot(drawer, 1))"
@@ -164,19 +165,32 @@ def test_what_a_repair_has_made_as_it_was_is_not_told(plans: dict[str, str]) -> 
     ]
 
 
-def test_a_repair_that_cannot_be_prepared_is_not_offered_but_a_person_is_asked(
-    plans: dict[str, str],
-) -> None:
-    """Straightening needs an empty hand, and the lid in it cannot be put down."""
+def test_what_failed_at_one_place_prepares_a_repair_at_another(plans: dict[str, str]) -> None:
+    """Straightening needs an empty hand: the lid in it cannot be put on the stand, but on the
+    rim.
+    """
     more = ("--hidden", "probe_tilted", "--objective", "repair", "--seed", "5")
     case = ["diagnose", "themse/one", "--exception", "put_blocked", "--step", "put(lid, stand)"]
     code, out = run(*case, "--plan", plans["themse/one"], "--recover", *more)
     assert code == 0
-    assert "straighten_probe" not in out
-    assert "question" in out
-    assert "given up: cooled(probe_1, 300) of 1:probe_1: probe_tilted is there still" in " ".join(
-        out.split()
+    assert "straighten_probe: put(lid, rim)" in out
+    assert "cured by straighten_probe" in out
+    assert "given up" not in out
+
+
+def test_a_jammed_lid_gives_up_what_needs_the_lid_and_nothing_is_begun_in_vain() -> None:
+    """The probe is not heated if it can no longer be cooled; the lid may be put elsewhere."""
+    case = ["diagnose", "themse/one", "--exception", "put_blocked", "--step", "put(lid, rim)"]
+    code, out = run(
+        *case, "--hidden", "lid_jammed", "--objective", "isolate", "--recover", "--format", "json"
     )
+    found = json.loads(out)["data"]
+    assert list(found["blocked"]) == ["put(lid, rim)"]
+    assert found["recovery"]["status"] == "infeasible"
+    given_up = found["recovery"]["given_up"]
+    assert given_up["heated(probe_1, 900) of 1:probe_1"] == NOT_BEGUN
+    assert given_up["cooled(probe_1, 300) of 1:probe_1"].startswith("lid_jammed is there still")
+    assert code == 0
 
 
 def test_a_probe_is_looked_for_before_it_is_given_up(plans: dict[str, str]) -> None:

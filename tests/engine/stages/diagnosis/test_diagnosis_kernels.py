@@ -3,18 +3,22 @@
 import importlib
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import cellwright.engine.stages.diagnosis.kernels
 from cellwright.engine.kernels.cancellation import Poll
 from cellwright.engine.model.troubleshooting import Troubleshooting
 from cellwright.engine.stages.diagnosis import search_arrays
+from cellwright.engine.stages.diagnosis.pairs import RATIOS, no_pairs, pair_bounds
 from tests.engine.interpreted import interpreted_package
-from tests.engine.stages.diagnosis.cases import isolations, troubles
+from tests.engine.stages.diagnosis.cases import each_alone, isolations, troubles
+from tests.engine.stages.diagnosis.test_unsure_tests import unsure
 
 Modules = dict[str, ModuleType]
 PACKAGE = cellwright.engine.stages.diagnosis.kernels
@@ -37,7 +41,10 @@ BUDGETS = (1, 3, 10_000)
 
 def _beliefs(modules: Modules, problem: Troubleshooting) -> object:
     known = search_arrays.belief_arrays(problem)
-    return modules["belief"].Beliefs(*(getattr(known, name) for name in EVERY), known.situations)
+    arrays_of = (getattr(known, name) for name in EVERY)
+    return modules["belief"].Beliefs(
+        *arrays_of, known.situations, 1.0 - problem.certainty, known.before
+    )
 
 
 def _searched(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
@@ -75,6 +82,24 @@ def _ruled(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
     yield rollout.look_ahead(beliefs, groups, bases, trail, 0, 2, math.inf)
 
 
+def _bracketed(
+    modules: Modules, problem: Troubleshooting, length: int = 1 << 10
+) -> Iterator[object]:
+    """Bounds, choices and counts of the search between bounds."""
+    bracket, known = modules["bracket"], search_arrays.belief_arrays(problem)
+    beliefs, pairs = (
+        _beliefs(modules, problem),
+        pair_bounds(known) if problem.certainty == 1.0 else no_pairs(),
+    )
+    table = bracket.Brackets(beliefs, RATIOS, pairs.values, pairs.repairs, length, 1 << 8)
+    trail = modules["belief"].Trail(beliefs, search_arrays.prior_weights(problem))
+    for expansions in (1, 3, 40):
+        state = bracket.search(table, trail, math.inf, expansions, 1e-10)
+        table = table.grown(2 * table.length, 2 * table.room) if table.full else table
+        yield table.low[state], table.high[state], table.choice[state], table.states, table.expanded
+    yield bracket.floor_in_pairs(table, trail, 0)
+
+
 def _tabled(modules: Modules, problem: Troubleshooting) -> list[float]:
     """The values of all states."""
     radix = np.array([len(action.outcomes) + 1 for action in problem.actions], np.int64)
@@ -110,6 +135,23 @@ def test_beliefs_are_searched_alike(problem: Troubleshooting) -> None:
 @given(isolations(5) | troubles(3))
 def test_rules_and_lookahead_are_alike(problem: Troubleshooting) -> None:
     assert list(_ruled(IMPORTED, problem)) == list(_ruled(PLAIN, problem))
+
+
+@settings(max_examples=20, deadline=None)
+@given(unsure(), st.sampled_from((1.0, 0.9)), st.booleans())
+def test_bounds_are_brought_together_alike(
+    problem: Troubleshooting, certainty: float, again: bool
+) -> None:
+    first = problem.actions[0]
+    more = (first, replace(first, repeats=0), *problem.actions[1:])
+    each = (
+        (*each_alone(len(problem.causes)), *problem.conclusions)
+        if certainty < 1.0
+        else problem.conclusions
+    )
+    asked = replace(problem, certainty=certainty, conclusions=each)
+    asked = replace(asked, actions=more, setup=None) if again else asked
+    assert list(_bracketed(IMPORTED, asked)) == list(_bracketed(PLAIN, asked))
 
 
 @settings(max_examples=20, deadline=None)

@@ -266,7 +266,7 @@ def test_the_rows_of_a_test_are_its_likelihoods_and_those_of_a_repair_its_cures(
 
 def test_to_isolate_is_to_conclude_what_is_sure_and_to_repair_is_to_end_or_to_stop() -> None:
     inf = math.inf
-    found = open_case(base(sharp=SHARP), "halt").problem.conclusions
+    found = open_case(base(sharp=SHARP), "halt", certainty=1.0).problem.conclusions
     assert [(each.name, each.losses) for each in found] == [
         ("leak", (0.0, inf, inf)),
         ("jam", (inf, 0.0, inf)),
@@ -282,12 +282,14 @@ def test_causes_that_no_test_surely_tells_apart_are_concluded_together_through_o
     group.
     """
     inf = math.inf
-    alone = open_case(base(), "halt").problem.conclusions
+    alone = open_case(base(), "halt", certainty=1.0).problem.conclusions
     assert [each.losses for each in alone][3:] == [(0.0, 0.0, 0.0)]
     exact = FaultTest(
         "exact", "", 1, ("no", "yes"), "no", {"leak": {"yes": 1.0}, "jam": {"no": 0.5, "yes": 0.5}}
     )
-    (pair, *_) = open_case(base(exact=exact, sharp=SHARP), "halt").problem.conclusions[3:]
+    (pair, *_) = open_case(
+        base(exact=exact, sharp=SHARP), "halt", certainty=1.0
+    ).problem.conclusions[3:]
     assert pair.losses == (inf, 0.0, 0.0)
 
 

@@ -109,7 +109,7 @@ def test_a_table_has_at_most_so_many_states(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(action_selection, "MAX_TABLE_STATES", 9)
     assert isinstance(searcher(two_causes(GUESS, LOOK), ENOUGH), ValueTable)
     monkeypatch.setattr(action_selection, "MAX_TABLE_STATES", 8)
-    assert isinstance(searcher(two_causes(GUESS, LOOK), ENOUGH), BranchAndBound)
+    assert not isinstance(searcher(two_causes(GUESS, LOOK), ENOUGH), ValueTable)
 
 
 # Limits, budgets and interruptions.
