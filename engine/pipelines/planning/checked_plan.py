@@ -8,7 +8,7 @@ import time
 from dataclasses import replace
 
 from cellwright.engine.model.ground_task import GroundTask
-from cellwright.engine.model.outcome import Found, Outcome, Statistics
+from cellwright.engine.model.outcome import Found, GaveUp, Outcome, Statistics
 from cellwright.engine.pipelines.planning.object_order import canonical_object_order
 from cellwright.engine.pipelines.planning.plan_files import check_plan as check_plan
 from cellwright.engine.pipelines.planning.plan_files import plan_in as plan_in
@@ -32,6 +32,7 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.targets import find_target
 from cellwright.kb.terms import term_variables
 
+LITTLE_WORK = 10_000  # operators and generated nodes of a problem that is planned in no time
 LARGE_INSTANCES = 200_000  # possible instances of operators
 
 
@@ -83,18 +84,24 @@ def plan_and_ground(
     limits: SearchLimits = SearchLimits(),
     macros: Macros = NO_MACROS,
     ordered: bool = False,
+    whole: bool = False,
+    gate: PlanGate | None = None,
 ) -> tuple[Outcome, GroundTask]:
     """The outcome of `plan`, and the ground task. The searches may use `macros` as operators.
     Raises `InvalidInput`.
 
     If the plan shall be `ordered` and none of its steps takes time, it is made as by
-    `in_the_order_named`.
+    `in_the_order_named`. A `whole` problem is grounded as it is: nobody asks what may be left out.
+    A `gate` may know the cell already.
     """
-    few = excerpt_problem(problem)
-    outcome, task = search_plan(problem, limits, macros, few=few)
+    few = problem if whole else excerpt_problem(problem)
+    if whole:
+        outcome, task = _search_task(ground(problem), limits, macros, time.perf_counter())
+    else:
+        outcome, task = search_plan(problem, limits, macros, few=few)
     started = time.perf_counter()
     if isinstance(outcome, Found):
-        gate = PlanGate()
+        gate = gate or PlanGate()
         settled_plan, wrong = _settle_plan(
             gate, few if task.whole is False else problem, outcome.plan, ordered
         )
@@ -108,6 +115,22 @@ def plan_and_ground(
         outcome = replace(outcome, plan=settled_plan) if isinstance(outcome, Found) else outcome
     seconds = {**outcome.statistics.seconds, "check": time.perf_counter() - started}
     return replace(outcome, statistics=replace(outcome.statistics, seconds=seconds)), task
+
+
+def planned_on(
+    problem: Problem, task: GroundTask, limits: SearchLimits, macros: Macros, gate: PlanGate
+) -> Found | GaveUp | None:
+    """The checked plan of a problem whose ground task is known, or why the search gave up; None if
+    there seems to be no plan, or the checker refuses it.
+    """
+    outcome, _ = _search_task(task, limits, macros)
+    if not isinstance(outcome, Found):
+        return outcome if isinstance(outcome, GaveUp) else None
+    started = time.perf_counter()
+    plan, wrong = gate.settled(problem, outcome.plan)
+    seconds = {**outcome.statistics.seconds, "check": time.perf_counter() - started}
+    statistics = replace(outcome.statistics, seconds=seconds)
+    return None if wrong else replace(outcome, plan=plan, statistics=statistics)
 
 
 def _settle_plan(
@@ -209,6 +232,14 @@ def _search_task(
     before = grounded if started is None else started
     seconds = {"grounding": grounded - before, "search": time.perf_counter() - grounded}
     return replace(outcome, statistics=Statistics(counts, seconds, outcome.statistics.offer)), task
+
+
+def is_little_work(outcome: Outcome) -> bool:
+    """Whether the planner had little to do. Work is counted, not timed, so that the same input
+    gives the same answer.
+    """
+    counts = outcome.statistics.counts
+    return counts.get("operators", 0) + counts.get("generated", 0) < LITTLE_WORK
 
 
 def _is_priced(operator: Operator) -> bool:

@@ -3,6 +3,8 @@
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from cellwright.kb.store.lookup_counts import UNPAID, unpaid_kinds
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -32,6 +34,12 @@ def plan_with_library(
 
     if not store:
         return plan_objective.plan_for_objective(problem, limits, objective_wanted, order), {}
+    if not (stays or folded) and _is_unpaid(store, problem):
+        run, small = _planned_alone(problem, limits, objective_wanted, order)
+        if small:
+            return run, {
+                "source": {"origin": "planner", "macrop": None, "name": "", "reason": UNPAID}
+            }
     with _in_use(store, problem, limits, stays) as practice:
         if order is plan_objective.SequenceChoice.SEQUENCE:
             memory = practice.repertoire(problem.domain) if practice.learns else None
@@ -65,6 +73,41 @@ def plan_with_library(
         plan_objective.PlanningObjective.COST if parts else objective_wanted,
     )
     return run, {"source": {**entry, "parts": parts} if parts else entry}
+
+
+def _planned_alone(
+    problem: "Problem",
+    limits: "SearchLimits",
+    wanted: "PlanningObjective | None",
+    order: "SequenceChoice",
+) -> "tuple[Run, bool]":
+    """The run of a problem without a library, and whether the planner had so little to do that none
+    could help.
+    """
+    from cellwright.engine.pipelines.planning import plan_objective
+    from cellwright.engine.pipelines.planning.checked_plan import is_little_work
+
+    run = plan_objective.plan_for_objective(problem, limits, wanted, order)
+    return run, is_little_work(run.outcome)
+
+
+def _is_unpaid(store: str, problem: "Problem") -> bool:
+    """Whether lookups for such goals have not paid, as the file of a library tells before it is
+    opened.
+    """
+    from cellwright.engine.model.part_measurements import is_put_in_order
+
+    kinds = unpaid_kinds(store, problem.domain.name)
+    if not kinds or is_put_in_order(problem):
+        return False
+    from cellwright.engine.stages.grounding.grounding_program import ChangingPredicates
+    from cellwright.engine.stages.grounding.initial_facts import initial_state
+    from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
+    from cellwright.engine.stages.macros.lookup.macro_query import make_query, signature_asked
+
+    state, wrong = initial_state(problem, ChangingPredicates(problem.domain))
+    asked = make_query(problem, Situation.of(CellDomain(problem), state)) if not wrong else None
+    return asked is not None and signature_asked(asked) in kinds
 
 
 @contextmanager

@@ -127,9 +127,13 @@ class CellDomain:
     def fits(self, problem: Problem) -> bool:
         """Whether a problem has the same domain, objects and statics."""
         own = self.problem
+        pairs = (
+            (problem.statics, own.statics),
+            (problem.objects, own.objects),
+            (problem.durations, own.durations),
+        )
         return problem.domain is own.domain and all(
-            mine is theirs or mine == theirs
-            for mine, theirs in ((problem.statics, own.statics), (problem.objects, own.objects))
+            mine is theirs or mine == theirs for mine, theirs in pairs
         )
 
     def binding(self, step: Function) -> tuple[OperatorSchema, dict[Variable, Term]]:

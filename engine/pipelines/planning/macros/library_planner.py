@@ -1,17 +1,21 @@
 """The planner with a MACROP library: looks up, composes, learns; and keeps libraries open."""
 
 import contextlib
+import math
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 
+from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import Found, Outcome, Statistics
 from cellwright.engine.model.plan_times import plan_makespan
 from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning.macros.cell_tasks import CellTasks
+from cellwright.engine.pipelines.planning.macros.lookup_trials import LookupTrials
 from cellwright.engine.pipelines.planning.macros.macro_composition import (
     PlanPart,
     ServedPart,
@@ -27,9 +31,14 @@ from cellwright.engine.stages.lifted.cell_domain import CellDomains, Situation
 from cellwright.engine.stages.lifted.lifted_execution import final_situation
 from cellwright.engine.stages.lifted.operator_schemas import NotGeneral
 from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
-from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery, make_query
+from cellwright.engine.stages.macros.lookup.macro_query import (
+    MacroQuery,
+    make_query,
+    signature_asked,
+)
 from cellwright.engine.stages.macros.lookup.macro_repertoire import MAX_READ_AHEAD, Repertoire
-from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.planning import NO_MACROS, Macros, SearchLimits
+from cellwright.engine.stages.planning.landmark_cut import lower_bound
 from cellwright.kb.cycles import search_now
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader.problem_amounts import version_of_cell
@@ -38,9 +47,18 @@ from cellwright.kb.model.plan_model import MacroPart, Plan
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library
 from cellwright.kb.store.database import note_opened
+from cellwright.kb.store.lookup_counts import UNPAID
 from cellwright.kb.terms import sort_naturally
 
 LONG_SEARCH = 5_000  # a search of so many expansions is long: it is worth while to avoid it
+SMALL = (
+    # operators of a task that is planned at once, if it was grounded for another problem of its
+    # cell
+    1_000
+)
+SOON = 2_000  # expansions of a search that answers at once
+# a reused plan that may cost more than so many times the least is compared with the planner's
+RATIO = 1.1
 MAX_LEARNED_STEPS = (
     # the most steps of a plan that is learned: the time of generalising grows with their square
     100
@@ -56,7 +74,8 @@ class LibraryAnswer:
     `origin` is `library`, `planner`, `parts` (composed of MACROPs) or `state` (the goals hold
     already). `macrop` is the number of the MACROP that was used, or of the one that was learned.
     `reason` says why the plan was not learned. `after` is the situation that the plan leads to. It
-    may be None if nothing is learned and the caller gave no situation.
+    may be None if nothing is learned and the caller gave no situation. `priced` says that the cost
+    of the MACROP that was used depends on what its variables stand for.
     """
 
     outcome: Outcome
@@ -66,6 +85,7 @@ class LibraryAnswer:
     reason: str = ""
     after: Situation | None = None
     parts: tuple[PlanPart, ...] = ()
+    priced: bool = False
 
 
 class EvaluatedCells:
@@ -75,7 +95,18 @@ class EvaluatedCells:
     """
 
     def __init__(self, most: int = MAX_KEPT_SEMANTICS) -> None:
-        self.worlds, self.gate = CellDomains(most), PlanGate(most)
+        self.worlds, self.gate, self.tasks = CellDomains(most), PlanGate(most), CellTasks()
+        self._domains: list[Domain] = []
+
+    def in_known_domain(self, problem: Problem) -> Problem:
+        """The problem with the domain that equals its own, if that was read before: what is
+        known of it serves again.
+        """
+        domain = next((each for each in self._domains if each == problem.domain), None)
+        if domain is None:
+            self._domains = [problem.domain, *self._domains[: MAX_KEPT_SEMANTICS - 1]]
+            return problem
+        return problem if domain is problem.domain else replace(problem, domain=domain)
 
 
 class LibraryPlanner:
@@ -91,16 +122,20 @@ class LibraryPlanner:
         limits: SearchLimits = SearchLimits(),
         learns: bool = True,
         cells: EvaluatedCells | None = None,
+        ratio: float = RATIO,
     ) -> None:
-        """Without `learns`, the MACROPs of the library are used, and no new ones are learned.
+        """Without `learns`, the MACROPs of the library are used, and no new ones are learned. Some
+        `cells` may be known already.
 
-        Some `cells` may be known already.
+        If a reused plan is not known to cost at most `ratio` times the least, the planner is asked
+        as well.
         """
-        self.library, self.limits = library, limits
+        self.library, self.limits, self.ratio = library, limits, ratio
         self.learns = learns and library.writable
         self._cells = cells if cells is not None else EvaluatedCells()
         self._repertoires: list[Repertoire] = []
         self._subsequences: list[Subsequences] = []
+        self._trials: dict[str, LookupTrials] = {}
 
     def __enter__(self) -> "LibraryPlanner":
         return self
@@ -127,7 +162,7 @@ class LibraryPlanner:
             (
                 known_repertoire
                 for known_repertoire in self._repertoires
-                if known_repertoire.domain is domain
+                if known_repertoire.domain == domain
             ),
             None,
         )
@@ -138,13 +173,17 @@ class LibraryPlanner:
             self._repertoires.append(repertoire)
         return repertoire
 
+    def trials(self, domain: Domain) -> LookupTrials:
+        """What the library has experienced with lookups for a domain."""
+        return self._trials.setdefault(domain.name, LookupTrials(self.library, domain.name))
+
     def subsequences(self, domain: Domain) -> Subsequences:
         """The MACROPs that the library holds for sub-sequences of plans of a domain."""
         subsequences = next(
             (
                 known_subsequences
                 for known_subsequences in self._subsequences
-                if known_subsequences.domain is domain
+                if known_subsequences.domain == domain
             ),
             None,
         )
@@ -177,31 +216,115 @@ class LibraryPlanner:
 
         Raises `InvalidInput`.
         """
-        start = situation if situation is not None else self.situation(problem)
-        answer = self._known(problem, start)
-        if answer is not None:
-            return answer
         if situation is None:
-            return self._planned(problem, start)
-        answer = self._planned(problem.replace(sort_naturally(start.facts)), start)
-        if answer.after is None and isinstance(answer.outcome, Found):
+            problem = self._cells.in_known_domain(problem)
+        start = situation if situation is not None else self.situation(problem)
+        asked = make_query(problem, start)
+        if asked is not None and asked.served:
+            fine = not start.world.violated and self._approved(problem, start, Plan(()))
+            return (
+                LibraryAnswer(Found(Plan(())), "state", after=start)
+                if fine
+                else self._planned(problem, start)
+            )
+        before = problem if situation is None else problem.replace(sort_naturally(start.facts))
+        answer = self._reused_or_planned(before, start, asked)
+        if situation is not None and answer.after is None and isinstance(answer.outcome, Found):
             answer = replace(answer, after=final_situation(answer.outcome.plan, start))
         return answer
 
-    def _known(self, problem: Problem, start: Situation) -> LibraryAnswer | None:
-        """An answer without a search for the whole: nothing is left to do, or MACROPs solve the
-        problem; else None.
+    def _reused_or_planned(
+        self, problem: Problem, here: Situation, asked: MacroQuery | None
+    ) -> LibraryAnswer:
+        """The plan of a lookup, if one is made and nothing says that it is dear; else the better
+        one of this and the planner's.
         """
-        asked = make_query(problem, start)
-        if asked is None:
+        kind, trials = (
+            signature_asked(asked) if asked is not None else "",
+            self.trials(problem.domain),
+        )
+        if asked is None or here.world.violated:
+            return self._planned(problem, here)
+        if not trials.pays(kind):
+            return self._planned_at_once(problem, here) or self._planned_after_all(
+                problem, here, kind
+            )
+        hit = self._looked_up(problem, asked)
+        if hit is not None and self._is_good(problem, here, kind, hit):
+            return hit
+        if hit is None and worth_composing(asked):
+            composed = self._composed_if_it_pays(problem, asked)
+            if composed is not None:
+                return composed
+        return self._compared(problem, asked, kind, hit)
+
+    def _is_good(self, problem: Problem, here: Situation, kind: str, hit: LibraryAnswer) -> bool:
+        """Whether a reused plan answers without the planner.
+
+        Its cost is at most `ratio` times a lower bound, if a task that is known tells one. Else
+        plans of this cost must have been good for such goals before; what costs more in other
+        places is compared each time.
+        """
+        trials = self.trials(problem.domain)
+        task = self._cells.tasks.task_of(problem, here)
+        cost = hit.outcome.plan.cost if isinstance(hit.outcome, Found) else 0
+        if task is not None:
+            good = cost <= self.ratio * lower_bound(task, enough=math.ceil(cost / self.ratio))
+        else:
+            good = not hit.priced and trials.is_trusted(kind, cost)
+        if good:
+            pays = task is None or len(task.operators) > SMALL
+            self._note(lambda: trials.note_lookup(kind, pays))
+        return good
+
+    def _compared(
+        self, problem: Problem, asked: MacroQuery, kind: str, hit: LibraryAnswer | None
+    ) -> LibraryAnswer:
+        """The planner's answer, or a reused plan that costs no more."""
+        trials, here = self.trials(problem.domain), asked.situation
+        outcome, seconds = self._searched(problem, here)
+        little = checked_plan.is_little_work(outcome)
+        if hit is not None:
+            good = _costs_at_most(hit.outcome, outcome, self.ratio)
+            cost = hit.outcome.plan.cost if isinstance(hit.outcome, Found) else 0
+            self._note(lambda: trials.note_quality(kind, cost, good))
+            self._note(lambda: trials.note_lookup(kind, not little or (good and not hit.priced)))
+            if _costs_at_most(hit.outcome, outcome, 1.0):
+                return hit
+        elif self.repertoire(problem.domain).has(asked):
+            self._note(lambda: trials.note_lookup(kind, not little))
+        return self._learned(problem, outcome, seconds, here)
+
+    def _planned_at_once(self, problem: Problem, here: Situation) -> LibraryAnswer | None:
+        """A plan for a small task that was grounded before, if a search finds one at once."""
+        task = self._small_task(problem, here)
+        if task is None:
             return None
-        if asked.served:
-            fine = not start.world.violated and self._approved(problem, start, Plan(()))
-            return LibraryAnswer(Found(Plan(())), "state", after=start) if fine else None
-        answer = self._looked_up(problem, asked)
-        if answer is None and worth_composing(asked):
-            answer = self._composed_if_it_pays(problem, asked)
-        return None if answer is None or start.world.violated else answer
+        limits = replace(self.limits, expansions=min(self.limits.expansions, SOON))
+        before = problem.replace(sort_naturally(here.facts))
+        found = checked_plan.planned_on(before, task, limits, NO_MACROS, self._cells.gate)
+        return LibraryAnswer(found, "planner", reason=UNPAID) if isinstance(found, Found) else None
+
+    def _planned_after_all(self, problem: Problem, here: Situation, kind: str) -> LibraryAnswer:
+        """The planner's answer where lookups have not paid. If it has much to do, they are worth
+        while after all.
+        """
+        outcome, seconds = self._searched(problem, here, whole=False)
+        if checked_plan.is_little_work(outcome):
+            return LibraryAnswer(outcome, "planner", reason=UNPAID)
+        self._note(lambda: self.trials(problem.domain).note_lookup(kind, True))
+        return self._learned(problem, outcome, seconds, here)
+
+    def _small_task(self, problem: Problem, here: Situation) -> GroundTask | None:
+        """The ground task of a problem, if it is small, and another problem of its cell was
+        grounded before.
+        """
+        task = self._cells.tasks.task_of(problem, here)
+        return task if task is not None and len(task.operators) <= SMALL else None
+
+    def _note(self, count: Callable[[], None]) -> None:
+        if self.learns:
+            count()
 
     def _composed_if_it_pays(self, problem: Problem, asked: MacroQuery) -> LibraryAnswer | None:
         """A composed plan, unless composing for such goals has failed more often than it has paid
@@ -291,9 +414,11 @@ class LibraryPlanner:
         seconds["check"] = time.perf_counter() - started - seconds["lookup"]
         outcome = Found(hit.plan, Statistics({}, seconds))
         assert isinstance(hit.key, int)
-        parts = tuple(PlanPart(None, part.name, "", part.steps) for part in hit.macrop.parts)
+        all_steps = len(hit.plan.steps) == len(hit.macrop.steps)
+        parts = tuple(PlanPart(None, p.name, "", p.steps) for p in hit.macrop.parts if all_steps)
+        name, priced = str(hit.macrop.name), hit.macrop.cost is None
         return LibraryAnswer(
-            outcome, "library", hit.key, str(hit.macrop.name), after=hit.after, parts=parts
+            outcome, "library", hit.key, name, after=hit.after, parts=parts, priced=priced
         )
 
     def _approved(self, problem: Problem, start: Situation, plan: Plan) -> bool:
@@ -317,13 +442,33 @@ class LibraryPlanner:
         """
         started = time.process_time()
         inner = self.subsequences(problem.domain)
-        outcome, task = checked_plan.plan_and_ground(problem, self.limits, inner.offered())
+        outcome, task = self._asked(problem, start, inner.offered())
         seconds = time.process_time() - started
         if self.learns and isinstance(outcome, Found) and not problem.domain.counts_fluents:
             inner.note(outcome.statistics)
             if whole:
                 inner.study(problem, outcome.plan, task, start, self.limits.interrupted)
         return outcome, seconds
+
+    def _asked(
+        self, problem: Problem, here: Situation, macros: Macros
+    ) -> tuple[Outcome, GroundTask]:
+        """The planner's answer and its task. What was grounded in the same cell before is not
+        grounded anew.
+        """
+        cells, limits = self._cells, self.limits
+        before = problem.replace(sort_naturally(here.facts))
+        task = cells.tasks.task_of(before, here)
+        if task is not None and not here.world.violated:
+            answer = checked_plan.planned_on(before, task, limits, macros, cells.gate)
+            if answer is not None:
+                return answer, task
+        whole = cells.tasks.leaves_nothing_out(problem)
+        outcome, task = checked_plan.plan_and_ground(
+            before, limits, macros, whole=whole, gate=cells.gate
+        )
+        cells.tasks.keep(problem, task)
+        return outcome, task
 
     def _learned(
         self, problem: Problem, outcome: Outcome, seconds: float, start: Situation
@@ -349,6 +494,13 @@ class LibraryPlanner:
         number = self.repertoire(problem.domain).learn(learned, seconds)
         reason = "" if number is not None else self.library.loss or "the library has it already"
         return LibraryAnswer(outcome, "planner", number, str(learned.name), reason, end)
+
+
+def _costs_at_most(reused: Outcome, rival: Outcome, ratio: float) -> bool:
+    """Whether a reused plan costs at most so many times what the planner's plan does."""
+    if not isinstance(rival, Found):
+        return True
+    return isinstance(reused, Found) and reused.plan.cost <= ratio * rival.plan.cost
 
 
 def _without_waits(part: Problem) -> Problem:

@@ -375,6 +375,11 @@ class MacroIndex:
             shelf, place = location
             shelf.remove(place)
 
+    def has(self, signature: str) -> bool:
+        """Whether there are MACROPs for goals of a signature."""
+        shelf = self._shelves.get(signature)
+        return shelf is not None and any(shelf.entries)
+
     def candidates(self, asked: MacroQuery) -> list[IndexEntry]:
         """The MACROPs for the query's goals that have all requirements met, the cheapest first."""
         shelf = self._shelves.get(signature_asked(asked))

@@ -17,6 +17,7 @@ from cellwright.engine.stages.macros.lookup.macro_matching import (
     match_macro,
 )
 from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery, is_met
+from cellwright.engine.stages.macros.lookup.shortening import shortened
 from cellwright.kb.model.conditions import Literal
 from cellwright.kb.model.operator_amounts import Amounts, NoAmount
 from cellwright.kb.model.plan_model import CausalLink, Macrop, MacroStep, Plan, Step
@@ -271,7 +272,7 @@ def _checked_instances(
             return
         after = check_instance(plan, asked)
         if isinstance(after, Situation):
-            yield LookupHit(entry.key, program.macrop, plan, after)
+            yield LookupHit(entry.key, program.macrop, *shortened(plan, after, asked))
         elif after.lost:
             return
 

@@ -106,6 +106,10 @@ class Repertoire:
             self._note(hit.key, 1)
         return hit
 
+    def has(self, asked: MacroQuery) -> bool:
+        """Whether there is a MACROP for goals of this kind."""
+        return self._index.has(signature_asked(asked))
+
     def _first(self, ways: Iterable[MacroQuery], fetched: set[str]) -> LookupHit | None:
         """The first hit for readings of a query; adds the signatures that were fetched, each at
         its first query.
