@@ -9,6 +9,7 @@ from cellwright.engine.model.workflow_replay import stage_atom
 from cellwright.engine.pipelines.contact_states import NetRequest, net_space
 from cellwright.engine.pipelines.inspection import nominal_values
 from cellwright.engine.pipelines.inspection.tour_demands import demand_findings
+from cellwright.engine.pipelines.leeway import windows_missed
 from cellwright.engine.pipelines.planning.plan_files import generated_if_bare
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.grounding import (
@@ -17,10 +18,12 @@ from cellwright.engine.stages.grounding import (
     reachable_atoms,
     reachable_operators,
 )
+from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.check import check_domain, unreachable_operators
 from cellwright.kb.check.fault_base_check import check_faults
 from cellwright.kb.check.initial_states import warn_of_crowding, warn_of_unreachable_goals
 from cellwright.kb.check.object_reduction import reduce_objects
+from cellwright.kb.check.physics import check_facts, check_physics
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, order_diagnostics
 from cellwright.kb.files import is_there
 from cellwright.kb.loader import (
@@ -74,6 +77,8 @@ def check_domain_files(target: str, reach: bool = True) -> CheckReport:
     happening = _fault_effects(loaded.domain) if loaded is not None else frozenset()
     if loaded is not None and loaded.problem is None:
         findings += check_domain(loaded.domain, problems, happening)
+    if loaded is not None:
+        findings += check_physics(loaded.domain)
     small = [reduce_objects(problem) for problem in problems]
     grounded = [
         (reduced, task)
@@ -126,7 +131,12 @@ def _starts_badly(
     """Whether no goal can be reached from the initial state of a problem; everything wrong with
     that state is added.
     """
-    findings += warn_of_crowding(problem, task.names(task.initial), default_instances(problem))
+    start = task.names(task.initial)
+    findings += warn_of_crowding(problem, start, default_instances(problem))
+    told = {(each.code, each.where.line) for each in findings if each.code == "K314"}
+    more = check_facts(problem, start, tuple(evaluate_statics(problem).everything()))
+    findings += [each for each in more if each.code != "K314" or not told]
+    findings += windows_missed(problem, task)
     reached = reachable_atoms(task)
     first = {stage_atom(chain, 1) for chain in problem.chains if chain.stages}
     wrong = list(warn_of_unreachable_goals(problem, reached, bool(first & reached), problems))

@@ -78,7 +78,8 @@ class Explanation:
     `exclusions` say what is never true at the same time: pairs of these, or needs of the step that
     would reach the only one. `changes` are the smallest ones; each is proved by a plan. `untried`
     is how many changes that might help were left when a limit was reached. `gaps` say what no
-    operator makes true; they are told where no change of facts helps.
+    operator makes true; they are told where no change of facts helps. `fewer` says that any fewer
+    of several goals have a plan; else that was not decided.
     """
 
     status: str
@@ -88,6 +89,7 @@ class Explanation:
     reason: str = ""
     untried: int = 0
     gaps: tuple[str, ...] = ()
+    fewer: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,9 @@ from cellwright.kb.commands.phrase_patterns import (
     noun_plurals,
     spoken_words,
 )
-from cellwright.kb.commands.sentence_pieces import SlotWords
+from cellwright.kb.commands.sentence_pieces import SlotWords, is_spoken
 from cellwright.kb.model.domain_model import BUILT_IN_TYPES, Domain
+from cellwright.kb.terms import Atom, Text
 
 Noun = tuple[str, ...]
 """The words of a noun, in small letters, without an article before them."""
@@ -40,8 +41,11 @@ class NounVocabulary:
     `objects` maps the names of all objects to their types.
     """
 
-    def __init__(self, domain: Domain, objects: Mapping[str, str]) -> None:
+    def __init__(
+        self, domain: Domain, objects: Mapping[str, str], facts: Iterable[Atom] = ()
+    ) -> None:
         self.domain, self.objects = domain, objects
+        self._names = _names_given(domain, facts)
         self._nouns: dict[str, Nouns] = {}
         self._called: dict[str, Nouns] = {}
         self._numbers: dict[str, frozenset[Fraction]] = {}
@@ -166,6 +170,10 @@ class NounVocabulary:
                 _without_article(spoken_words(wording))
                 for wording in self.domain.words.get(name, ())
             )
+            for given in map(spoken_words, self._names.get(name, ())):
+                yield given
+                # "sample A17"
+                yield from ((*noun, *given) for noun in self._said(self.objects[name]))
         parts = tuple(name.lower().split("_"))
         if (
             len(parts) > 1
@@ -179,6 +187,25 @@ class NounVocabulary:
         anyway.
         """
         return any(stem == noun for noun in self._said(self.objects[name]))
+
+
+def _names_given(domain: Domain, facts: Iterable[Atom]) -> dict[str, list[str]]:
+    """What people call each object, as facts of a static say whose name ends with `name` or
+    `label`: `sample_name(probe_1, "A17")`.
+    """
+    found: dict[str, list[str]] = {}
+    for fact in facts:
+        declared = domain.predicates.get(fact.name)
+        named = re.search(r"(?:^|_)(?:name|label)s?$", fact.name) and len(fact.arguments) == 2
+        if named and declared is not None and declared.arguments[1] == "text":
+            thing, said = fact.arguments
+            if (
+                isinstance(said, Text)
+                and said.value.split()
+                and all(map(is_spoken, said.value.split()))
+            ):
+                found.setdefault(str(thing), []).append(said.value)
+    return found
 
 
 def _by_first(owned_nouns: Iterable[tuple[Noun, str]]) -> Nouns:

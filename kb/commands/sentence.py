@@ -21,6 +21,7 @@ from cellwright.kb.commands.clauses import (
     read_clauses,
 )
 from cellwright.kb.commands.domain_nouns import NounVocabulary
+from cellwright.kb.commands.everyday import Saying, sayings, swapping
 from cellwright.kb.commands.exclusion import Exclusion
 from cellwright.kb.commands.object_references import References
 from cellwright.kb.commands.phrase_matching import Book
@@ -68,15 +69,48 @@ def read_sentence(
                 )
             ]
         )
-    vocabulary = NounVocabulary(domain, {**domain.objects, **problem.objects})
+    vocabulary = NounVocabulary(domain, {**domain.objects, **problem.objects}, problem.statics)
     known_meanings = read_meanings(domain)
+    book = book_of(known_meanings, vocabulary)
     try:
-        clauses = read_clauses(book_of(known_meanings, vocabulary), text)
+        clauses = read_clauses(book, text)
     except NotUnderstood as error:
-        raise InvalidInput(
-            [explain_misunderstanding(error, text, domain, vocabulary, place)]
-        ) from None
+        if (otherwise := _said_otherwise(book, text)) is None:
+            raise InvalidInput([_explained(error, text, domain, vocabulary, place)]) from None
+        saying, clauses = otherwise
+        return _Sentence(
+            problem, known_meanings, vocabulary, lambda offset: place(saying.original(offset))
+        ).arranged(clauses)
     return _Sentence(problem, known_meanings, vocabulary, place).arranged(clauses)
+
+
+def _said_otherwise(book: Book, text: str) -> tuple[Saying, list[Clause]] | None:
+    """The first everyday way to say the sentence that is understood, with its clauses."""
+    for saying in sayings(text):
+        try:
+            return saying, read_clauses(book, saying.text)
+        except NotUnderstood:
+            continue
+    return None
+
+
+def _explained(
+    error: NotUnderstood,
+    text: str,
+    domain: Domain,
+    vocabulary: NounVocabulary,
+    place: Callable[[int], Source],
+) -> Diagnostic:
+    """What is not understood, and what to say instead."""
+    found = explain_misunderstanding(error, text, domain, vocabulary, place)
+    begin = swapping(text)
+    if begin is None or place(begin) != found.where:
+        return found
+    hint = (
+        "say where each of them goes: that one of them goes to the place of the other, and "
+        "where the other goes"
+    )
+    return replace(found, message="a swap names no places", hint=hint)
 
 
 def book_of(known: Sequence[PhraseMeaning], vocabulary: NounVocabulary) -> Book:

@@ -16,6 +16,7 @@ from cellwright.kb.asp.statements import (
 from cellwright.kb.diagnostics import Source, nearest_hint
 from cellwright.kb.files import File, is_file, path_below
 from cellwright.kb.graphs import strong_components
+from cellwright.kb.loader.omissions import lacking_stop
 from cellwright.kb.loader.reader import Reader
 from cellwright.kb.loader.symbol_table import SymbolTable, count_of
 from cellwright.kb.loader.yaml_tree import SHORT_FILE_CHARACTERS, YamlNode
@@ -84,8 +85,11 @@ def _file_statements(file: File, names: SymbolTable) -> Read:
             else:
                 statements.append(statement)
     except AspError as error:
-        for line, column, message in error.messages:
-            hint = "each statement ends with '.', and variables begin with a capital letter"
+        hint = "each statement ends with '.', and variables begin with a capital letter"
+        for number, (line, column, message) in enumerate(error.messages):
+            if not number and (offset := lacking_stop(file, line, column)) is not None:
+                names.findings.add(file.at(offset), "K201", "a '.' is missing here", hint)
+                break
             names.findings.add(file.line(line, column), "K201", message, hint)
     return statements
 

@@ -3,11 +3,11 @@
 import dataclasses
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from math import prod
 
-from cellwright.kb.diagnostics import InvalidInput, select_errors, unknown_name
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, select_errors, unknown_name
 from cellwright.kb.loader.declarations import read_objects
 from cellwright.kb.loader.numeric_expressions import with_values
 from cellwright.kb.loader.reader import Expression, LoadFindings, Reader
@@ -80,16 +80,44 @@ def read_chains(reader: Reader, names: SymbolTable) -> Iterator[Chain]:
         yield from (replace(chain, after=after) for chain in chains)
 
 
+def _circle(reader: Reader, title: str, later: str) -> list[str]:
+    """The names of entries of which each waits for the next, from `title` over `later` back to
+    it; empty if there is no circle.
+    """
+    waits: dict[str, list[str]] = {}
+    for number, _ in enumerate(reader.items("workflow")):
+        name = reader.text("workflow", number, "name") or str(number + 1)
+        waits[name] = [str(node.value) for node in reader.items("workflow", number, "after")]
+    paths, seen = [[title, later]], {later}
+    for path in paths:
+        for name in waits.get(path[-1], ()):
+            if name == title:
+                return [*path, title]
+            if name not in seen:
+                seen.add(name)
+                paths.append([*path, name])
+    return []
+
+
+def _unknown_earlier(
+    reader: Reader, index: int, title: str, node: YamlNode, known: Collection[str]
+) -> Diagnostic:
+    """What is wrong with a name under `after:` that no earlier entry has."""
+    own = reader.text("workflow", index, "name") or str(index + 1)
+    if circle := [own, own] if title == own else _circle(reader, own, title):
+        said = f"the workflow '{own}' waits for itself: {' after '.join(circle)}"
+        return Diagnostic(node.where, "K101", said, "take one of these names out of `after:`")
+    found = unknown_name("earlier workflow", title, known, node.where)
+    return replace(found, hint=found.hint or "name an entry above this one")
+
+
 def _earlier_chains(
     reader: Reader, names: SymbolTable, index: int, groups: dict[str, list[str]]
 ) -> Iterator[str]:
     listed = ((str(node.value), node) for node in reader.items("workflow", index, "after"))
     for title, node in reader.once(listed):
         if title not in groups:
-            diagnostic = unknown_name("earlier workflow", title, groups, node.where)
-            names.findings.note(
-                replace(diagnostic, hint=diagnostic.hint or "name an entry above this one")
-            )
+            names.findings.note(_unknown_earlier(reader, index, title, node, groups))
         yield from groups.get(title, ())
 
 

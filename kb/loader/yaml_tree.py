@@ -11,6 +11,7 @@ import yaml
 
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import File, find_unprintable, read_file
+from cellwright.kb.loader.omissions import lacking_colon
 
 MAX_YAML_DEPTH = 50
 MAX_NODES = 1_000_000
@@ -351,6 +352,9 @@ def _yaml_error(file: File, error: yaml.YAMLError) -> Diagnostic:
     mark = getattr(error, "problem_mark", None)
     where = file.at(mark.index) if mark else Source(file.path)
     problem = getattr(error, "problem", None) or str(error)
+    if mark and not _is_json(file) and (offset := lacking_colon(file, mark.index)) is not None:
+        said = "not YAML: a ':' is missing here"
+        return Diagnostic(file.at(offset), "K002", said, "a key needs ': ' after it")
     hint = next((hint for part, hint in _YAML_HINTS.items() if part in problem), "")
     return Diagnostic(where, "K002", f"not {'JSON' if _is_json(file) else 'YAML'}: {problem}", hint)
 

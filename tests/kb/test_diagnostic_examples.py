@@ -14,7 +14,7 @@ from cellwright.engine.formats.interop.pddl import read_pddl_task
 from cellwright.engine.formats.interop.pnml import read_pnml
 from cellwright.engine.formats.interop.qif.feature_points import inspection_of
 from cellwright.engine.formats.interop.shop_files import read_jobshop
-from cellwright.engine.formats.interop.visit_files import read_tsplib
+from cellwright.engine.formats.interop.visit_files import read_tsplib, visits_of_target
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.asp import trial_grounding
 from cellwright.kb.diagnostics import DIAGNOSTIC_CODES, Diagnostic, InvalidInput
@@ -32,6 +32,21 @@ READERS: dict[str, Callable[[Path], object]] = {
     "*.txt": read_jobshop,
     "*.pnml": read_pnml,
 }
+WARNINGS: dict[str, Callable[[Path], tuple[Diagnostic, ...]]] = {
+    "*.tsp": lambda file: visits_of_target(str(file)).warnings,
+    "*.qif": lambda file: tuple(inspection_remarks(inspection_of(file), file)),
+}
+
+
+def warnings_of(folder: Path) -> tuple[Diagnostic, ...] | None:
+    """What readers of other formats warn of; None if the folder has no such file."""
+    for pattern, read in READERS.items():
+        for file in folder.glob(pattern):
+            read(file)
+    found = [
+        warnings(file) for pattern, warnings in WARNINGS.items() for file in folder.glob(pattern)
+    ]
+    return found[0] if found else None
 
 
 def found_in(folder: Path) -> tuple[Diagnostic, ...]:
@@ -44,11 +59,8 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
             return tuple(checked_plan.check_plan(problem, plan, str(folder / "plan.json"), claims))
         if (folder / "domain.pddl").exists():
             read_pddl_task(folder / "domain.pddl", folder / "problem.pddl")
-        for pattern, read in READERS.items():
-            for file in folder.glob(pattern):
-                read(file)
-        for file in folder.glob("*.qif"):
-            return inspection_remarks(inspection_of(file), file)
+        if (warned := warnings_of(folder)) is not None:
+            return warned
         if (folder / "cell.yaml").exists():
             load_cell(folder / "cell.yaml")
         target = folder / "problem.yaml"

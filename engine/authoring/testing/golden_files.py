@@ -8,7 +8,7 @@ import difflib
 import json
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -132,14 +132,18 @@ def golden_problems(target: str) -> tuple[Path, list[Path]]:
     return path.parent / GOLDEN_FOLDER, problem_files(path)
 
 
-def compare_all(target: str) -> Iterator[GoldenComparison]:
+def compare_all(
+    target: str, begin: Callable[[str], None] = lambda _name: None
+) -> Iterator[GoldenComparison]:
     """A comparison for each problem of a target, then one for each golden file without a problem.
-
     Raises `InvalidInput`.
+
+    `begin` hears the name of each problem before it is planned.
     """
     folder, files = golden_problems(target)
     wrong: list[Diagnostic] = []
     for file in files:
+        begin(file.stem)
         try:
             yield compare_with_golden(file, folder / f"{file.stem}.json")
         except InvalidInput as error:

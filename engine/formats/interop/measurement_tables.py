@@ -8,6 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cellwright.engine.formats.interop.tolerance_columns import (
+    ENDS,
+    contradiction,
+    looks_like_tolerance,
+    tolerance_column,
+    zone,
+)
 from cellwright.engine.model.part_measurements import Inspection, MeasurementPoint
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 from cellwright.kb.files import File, read_file
@@ -15,15 +22,17 @@ from cellwright.kb.numbers import MAX_NUMBER_CHARACTERS, NumberError, read_decim
 
 NEEDED_COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
 OPTIONAL_COLUMNS = ("name", "kind", "nominal", "tolerance", "bore", "feature")
-NUMERIC_COLUMNS = (*NEEDED_COLUMNS, "nominal", "tolerance", "bore")
-LENGTH_COLUMNS = ("x", "y", "z", "nominal", "tolerance", "bore")
+NUMERIC_COLUMNS = (*NEEDED_COLUMNS, "nominal", "tolerance", "bore", *ENDS)
+LENGTH_COLUMNS = ("x", "y", "z", "nominal", "tolerance", "bore", *ENDS)
 TABLE_UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
-# x_mm, tolerance_in
-WITH_UNIT = re.compile(rf"({'|'.join(LENGTH_COLUMNS)})_({'|'.join(TABLE_UNITS_M)})")
 MEASUREMENT_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 # the language has whole numbers of 32 bits, and positions are in micrometres
 MAX_COORDINATE_M = 2_147.0
 COLUMN_SEPARATORS = ",;\t"
+UNIT_AT_END = re.compile(
+    rf"(.+?)[_ ]?[(\[]?(?<![a-z])({'|'.join(TABLE_UNITS_M)})[)\]]?"
+)  # x_mm, tolerance_in, upper_tol (mm)
+TOLERANCES = "tolerance is the width of the zone; else upper_tol and lower_tol, or +tol and -tol"
 TABLE_HINT = (
     f"the first line has {', '.join(NEEDED_COLUMNS)}, and any of {', '.join(OPTIONAL_COLUMNS)}"
 )
@@ -96,12 +105,14 @@ def read_table(path: Path, unit: str = "mm") -> Inspection:
 
 
 def _column_name(column: str, units: dict[str, float]) -> str:
-    """The name of a column without its unit, which is noted."""
-    with_unit = WITH_UNIT.fullmatch(column)
-    if with_unit is None:
-        return column
-    units[with_unit[1]] = TABLE_UNITS_M[with_unit[2]]
-    return with_unit[1]
+    """The meaning of a column without its unit, which is noted."""
+    with_unit = UNIT_AT_END.fullmatch(column)
+    name = column if with_unit is None else with_unit[1]
+    name = name if name in (*NEEDED_COLUMNS, *OPTIONAL_COLUMNS) else tolerance_column(name) or name
+    if with_unit is None or name not in LENGTH_COLUMNS:
+        return name if with_unit is None else column
+    units[name] = TABLE_UNITS_M[with_unit[2]]
+    return name
 
 
 def _table_error(where: Source, message: str, hint: str = "") -> Diagnostic:
@@ -121,15 +132,22 @@ def _column_errors(columns: Sequence[str], file: File) -> list[Diagnostic]:
         _table_error(where, f"the column '{column}' is there twice", "remove one of them")
         for column in twice
     ]
-    strange = [
-        column
-        for column in columns
-        if column and column not in known and nearest_hint(column, known)
-    ]
-    return errors + [
-        _table_error(where, f"unknown column '{column}'", nearest_hint(column, known))
-        for column in strange
-    ]
+    strange = [column for column in columns if column and column not in (*known, *ENDS)]
+    for column in strange:
+        if hint := nearest_hint(column, known):
+            errors.append(_table_error(where, f"unknown column '{column}'", hint))
+        elif looks_like_tolerance(column):
+            errors.append(
+                _table_error(
+                    where,
+                    f"the column '{column}' looks like a tolerance, and is not read",
+                    TOLERANCES,
+                )
+            )
+    both = contradiction(columns)
+    return (
+        [*errors, _table_error(where, f"the columns give {both}", TOLERANCES)] if both else errors
+    )
 
 
 def _repeated_names(points: Sequence[tuple[MeasurementPoint, Source]]) -> list[Diagnostic]:
@@ -162,6 +180,10 @@ def _read_row(
         return _table_error(where, *bad)
     values = {key: read_decimal(cells[key]) for key in NUMERIC_COLUMNS if cells.get(key)}
     values |= {key: values[key] * head.units[key] for key in LENGTH_COLUMNS if key in values}
+    told = _with_zone(values, cells.get("kind") or "profile")
+    if isinstance(told, str):
+        return _table_error(where, told, TOLERANCES)
+    values = told
     if (
         message := _row_objection(cells.get("name", ""), cells.get("kind", ""), values)
     ) is not None:
@@ -179,6 +201,26 @@ def _read_row(
         nominal_m=values.get("nominal"),
     )
     return point, where
+
+
+def _with_zone(values: dict[str, float], kind: str) -> dict[str, float] | str:
+    """The numbers of a row with the width of the zone between two deviations and the value in
+    its middle; or what is wrong.
+    """
+    if (ends := zone(values)) is None:
+        return "one end of the tolerance without the other" if set(ENDS) & set(values) else values
+    lower, upper = ends
+    if lower > upper:
+        return (
+            f"the lower end of the tolerance is above the upper one: {lower * 1e3:g} and "
+            f"{upper * 1e3:g} mm"
+        )
+    middle, nominal = (lower + upper) / 2, values.get("nominal", 0.0 if kind == "profile" else None)
+    if not middle:
+        return {**values, "tolerance": upper - lower}
+    if nominal is None:
+        return "a tolerance that is not even needs a nominal value"
+    return {**values, "tolerance": upper - lower, "nominal": nominal + middle}
 
 
 def _bad_numbers(cells: Mapping[str, str], head: _Head) -> Iterator[tuple[str, str]]:

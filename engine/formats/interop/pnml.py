@@ -1,7 +1,7 @@
 """Petri nets in PNML (ISO/IEC 15909-2), read and written; contact-state nets as Petri nets."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
@@ -144,6 +144,11 @@ def _note_lines(notes: Sequence[str]) -> Iterator[str]:
 
 
 MOST_TOKENS = 10**9
+# how dialects call the label that says what an arc means
+ARC_TYPES = ("type", "arctype", "arcType")
+ORDINARY = ("", "normal", "ordinary", "default", "regular", "arc")
+UNLIMITED = ("", "0", "-1", "inf", "infinite", "omega")
+REFERENCES = {"referencePlace": "place", "referenceTransition": "transition"}
 
 
 def read_pnml(path: Path) -> PetriNet:
@@ -164,14 +169,17 @@ def read_text(file: File) -> PetriNet:
         hint = f"one of: {PLAIN}, {COLOURED}"
         raise _bad_net(net.where, f"a net of the type '{net.get('type')}'", hint)
     parts = list(_net_parts(net))
+    for part in parts:
+        _require_plain(part)
+    real = _references(parts)
     petri_net = PetriNet(
         net.get("id"),
         tuple(_read_place(part) for part in parts if part.tag == "place"),
         tuple(_read_transition(part) for part in parts if part.tag == "transition"),
-        tuple(_read_arc(part) for part in parts if part.tag == "arc"),
+        tuple(_read_arc(each, real) for each in parts if each.tag == "arc"),
         dict(_token_types(net)),
     )
-    _require_ends(petri_net, parts)
+    _require_ends(petri_net, parts, real)
     return petri_net
 
 
@@ -187,13 +195,61 @@ def _net_parts(element: XmlElement) -> Iterator[XmlElement]:
             yield child
 
 
-def _require_ends(net: PetriNet, parts: list[XmlElement]) -> None:
+def _require_plain(element: XmlElement) -> None:
+    """Raise `InvalidInput` for an arc or a place that means something else than in a plain net."""
+    if element.tag == "arc":
+        labels = [element.first(tag) for tag in ARC_TYPES]
+        said = [element.get("type"), *(_label(each) for each in labels if each is not None)]
+        other = next((each for each in said if each.strip().lower() not in ORDINARY), "")
+        if other:
+            message = f"the arc '{element.get('id')}' is of the type '{other}'"
+            raise _bad_net(
+                element.where,
+                message,
+                "only ordinary arcs are read: one token for one, or a weight",
+            )
+    limit = element.first("capacity") if element.tag == "place" else None
+    if limit is not None and _label(limit).strip() not in UNLIMITED:
+        message = f"the place '{element.get('id')}' has a capacity of {_label(limit).strip()}"
+        raise _bad_net(element.where, message, "add a place for the room that is left")
+
+
+def _label(element: XmlElement) -> str:
+    """What a label says, as an attribute or as a text."""
+    text = element.first("text") or element.first("value")
+    return element.get("value") or (text.text if text is not None else element.text)
+
+
+def _references(parts: list[XmlElement]) -> dict[str, str]:
+    """For each reference node the node for which it stands, over other references.
+
+    Raises `InvalidInput` for circles.
+    """
+    named = {each.get("id"): each for each in parts if each.tag in REFERENCES}
+    known = {each.get("id"): each.tag for each in parts if each.tag in REFERENCES.values()}
+    found: dict[str, str] = {}
+    for name, element in named.items():
+        target, seen = element.get("ref"), {name}
+        while target in named and target not in seen:
+            seen.add(target)
+            target = named[target].get("ref")
+        if known.get(target) != REFERENCES[element.tag]:
+            message = (
+                f"'{name}' refers to '{element.get('ref')}', which leads to no "
+                f"{REFERENCES[element.tag]}"
+            )
+            raise _bad_net(element.where, message, "name a node of the same kind as `ref`")
+        found[name] = target
+    return found
+
+
+def _require_ends(net: PetriNet, parts: list[XmlElement], real: Mapping[str, str]) -> None:
     places, transitions = (
         {place.id for place in net.places},
         {transition.id for transition in net.transitions},
     )
     for element in (arc for arc in parts if arc.tag == "arc"):
-        ends = element.get("source"), element.get("target")
+        ends = [real.get(each, each) for each in (element.get("source"), element.get("target"))]
         if not (ends[0] in places and ends[1] in transitions) and not (
             ends[0] in transitions and ends[1] in places
         ):
@@ -272,15 +328,16 @@ def _read_transition(element: XmlElement) -> PetriTransition:
     )
 
 
-def _read_arc(element: XmlElement) -> PetriArc:
+def _read_arc(element: XmlElement, real: Mapping[str, str]) -> PetriArc:
     variables = tuple(
         variable.get("refvariable")
         for variable in _elements_inside(element.first("hlinscription"), "variable")
     )
     count = _number_of(element, "inscription", max(1, len(variables)))
-    return PetriArc(
-        element.get("id"), element.get("source"), element.get("target"), count, variables
+    source, target = (
+        real.get(each, each) for each in (element.get("source"), element.get("target"))
     )
+    return PetriArc(element.get("id"), source, target, count, variables)
 
 
 def unfold_net(net: ContactNet) -> PetriNet:

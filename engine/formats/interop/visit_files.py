@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cellwright.engine.kernels.arrays import Longs
+from cellwright.engine.model.answer_wording import count_noun
 from cellwright.engine.model.part_measurements import is_shared
 from cellwright.engine.model.tour_problem import Metric, TourProblem, Visit
 from cellwright.engine.pipelines.inspection.measurement_points import with_places
@@ -59,6 +60,34 @@ def read_tsplib(path: Path) -> TourProblem:
         for i in range(n)
     )
     return TourProblem(head.get("NAME", path.stem), visits, travel)
+
+
+def vanishing(problem: TourProblem, path: Path) -> tuple[Diagnostic, ...]:
+    """A warning if rounding to whole numbers leaves no cost between different places of the file.
+
+    Raises `InvalidInput`.
+    """
+    head, _ = _split_file(read_file(path))
+    if (
+        head.get("EDGE_WEIGHT_TYPE") not in METRIC_FUNCTIONS
+        or len(problem.visits) > MAX_MATRIX_CITIES
+    ):
+        return ()
+    points = np.array([visit.position or (0.0, 0.0) for visit in problem.visits])
+    arcs, every, pairs = problem.travel, np.arange(len(points), dtype=np.int32), 0
+    for city in range(len(points)):
+        costs = (
+            arcs.between(every[city : city + 1], every) if isinstance(arcs, Metric) else arcs[city]
+        )
+        pairs += int(((points != points[city]).any(axis=1) & (costs == 0)).sum())
+    if not pairs:
+        return ()
+    said = (
+        f"rounding to whole numbers leaves no distance between {count_noun(pairs // 2, 'pair')} "
+        "of different cities"
+    )
+    hint = "write the coordinates in a smaller unit, such as millimetres for metres"
+    return (Diagnostic(Source(str(path)), "K808", said, hint, warning=True),)
 
 
 def _city_names(file: File, sections: dict[str, tuple[int, str]], numbers: Floats) -> list[str]:
@@ -240,7 +269,8 @@ def visits_of_target(
     """
     demands = of_options(list(windows), list(lasts), list(before))
     if is_tsplib(target):
-        visits = TourVisits(with_demands(read_tsplib(Path(target)), demands))
+        read = read_tsplib(Path(target))
+        visits = TourVisits(with_demands(read, demands), warnings=vanishing(read, Path(target)))
     else:
         problem = with_places(problem_of(target))
         if is_shared(problem):

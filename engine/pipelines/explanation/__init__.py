@@ -4,7 +4,7 @@ Each change is proved by a plan for the changed problem.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from cellwright.engine.model.answer_wording import count_noun
 from cellwright.engine.model.ground_task import GroundTask
@@ -18,6 +18,7 @@ from cellwright.engine.pipelines.explanation.blocked_steps import (
 )
 from cellwright.engine.pipelines.explanation.companion_events import find_companions
 from cellwright.engine.pipelines.explanation.helpful_changes import ChangeSearch
+from cellwright.engine.pipelines.explanation.lacking import refill
 from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
 from cellwright.engine.pipelines.explanation.unreachable_goals import (
     GoalOrStage,
@@ -28,6 +29,7 @@ from cellwright.engine.pipelines.explanation.unreachable_goals import (
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.planning.shortage import shortages
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.plan_model import GOAL_STEP, Plan, StepId
 from cellwright.kb.model.planning_problem import Problem
@@ -37,6 +39,9 @@ __all__ = ["apply_amendment", "explain_infeasibility"]
 
 MAX_TRIAL_EXPANSIONS = 50_000  # expansions with one change, at most
 MAX_PART_EXPANSIONS = 200_000  # expansions with a part of the goals, at most
+
+Proved = tuple[Amendment, Found]
+"""A change, and the plan with it."""
 
 
 def explain_infeasibility(problem: Problem, limits: SearchLimits = SearchLimits()) -> Explanation:
@@ -56,6 +61,8 @@ class _InfeasibilityInquiry:
     problem: Problem
     limits: SearchLimits
     task: GroundTask
+    # parts of the goals for which a limit was reached
+    undecided: list[Problem] = field(default_factory=list)
 
     def explanation(self, reason: str) -> Explanation:
         """The culprits, then what would help."""
@@ -65,8 +72,9 @@ class _InfeasibilityInquiry:
         )
         space = ProblemSpace.of(self.problem, initial)
         barred = out_of_range(self.problem, goals[0]) if len(goals) == 1 else ()
-        excluded = barred or tuple(
-            self._exclusions(goals, space)
+        lacking = () if barred else shortages(ground(with_goals_only(self.problem, goals)))
+        excluded = (
+            barred or tuple(map(str, lacking)) or tuple(self._exclusions(goals, space))
         )  # before the long search, which a limit may end
         advice = ChangeSearch(
             space,
@@ -75,16 +83,11 @@ class _InfeasibilityInquiry:
             lambda variant: self._planned(variant, self._trial),
             self.limits.interrupted,
         )
-        asked = (
-            ()
-            if barred
-            else (*find_companions(self.problem, goals, space, advice.planned), *advice.smallest())
-        )
+        asked = () if barred else self._refilled() or self._advised(goals, space, advice)
         changes = [self._told(change, amendment_plan) for change, amendment_plan in asked]
-        lacking = (
-            ()
-            if barred or changes or advice.untried
-            else tuple(missing_operators(with_goals_only(self.problem, goals), space))
+        settled = barred or changes or advice.untried
+        absent = (
+            () if settled else tuple(missing_operators(with_goals_only(self.problem, goals), space))
         )
         if len(goals) > 1 or not changes:
             changes += self._drops(goals)
@@ -95,8 +98,21 @@ class _InfeasibilityInquiry:
             tuple(changes),
             reason,
             advice.untried,
-            lacking,
+            absent,
+            not self.undecided,
         )
+
+    def _refilled(self) -> tuple[Proved, ...]:
+        """The change of amounts that is just enough for all goals, if there is a plan then."""
+        change = refill(self.problem, shortages(self.task))
+        outcome = self._planned(apply_amendment(self.problem, change)) if change else None
+        return ((change, outcome),) if change and isinstance(outcome, Found) else ()
+
+    def _advised(
+        self, goals: Sequence[GoalOrStage], space: ProblemSpace, advice: ChangeSearch
+    ) -> tuple[Proved, ...]:
+        """The events to ask for and the facts to change that are searched for."""
+        return (*find_companions(self.problem, goals, space, advice.planned), *advice.smallest())
 
     @property
     def _trial(self) -> SearchLimits:
@@ -147,7 +163,10 @@ class _InfeasibilityInquiry:
             room=None,
         )
         outcome = self._planned(problem, part)
-        return isinstance(outcome, Infeasible) if isinstance(outcome, Found | Infeasible) else None
+        if isinstance(outcome, Found | Infeasible):
+            return isinstance(outcome, Infeasible)
+        self.undecided.append(problem)
+        return None
 
     def _told(self, change: Amendment, proving: Found) -> Amendment:
         """The change with its proof."""

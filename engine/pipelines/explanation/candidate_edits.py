@@ -3,13 +3,16 @@ ASP.
 """
 
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
 
 from cellwright.engine.model.plan_explanation import Edit
 from cellwright.engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, terms_within
-from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace, names_within
+from cellwright.engine.pipelines.explanation.obstacles import Obstacles
+from cellwright.engine.pipelines.explanation.parts_of_values import names
+from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
 from cellwright.engine.pipelines.explanation.relaxed_program import (
     LOOSENED_PREDICATE,
     MISSED_PREDICATE,
@@ -19,6 +22,7 @@ from cellwright.engine.pipelines.explanation.relaxed_program import (
 )
 from cellwright.engine.stages.grounding.grounding_program import reachable_literal
 from cellwright.engine.stages.grounding.pruning import find_relevance
+from cellwright.kb.asp.bounded_grounding import GroundingTooLarge
 from cellwright.kb.asp.model_search import enumerate_models
 from cellwright.kb.asp.static_program import VIOLATED, static_program
 from cellwright.kb.asp.trial_grounding import can_be_grounded
@@ -73,7 +77,7 @@ class GoalBearing:
             operator for operator in domain.operators if operator.name in self.needs.bindings
         )
         parts = (self.problem.goal, domain.rules, domain.deductive_operators, operators)
-        return frozenset(name for part in parts for name in names_within(part))
+        return frozenset(name for part in parts for name in names(part))
 
 
 MAX_CHOICES = 30_000  # ways to fill the arguments of one predicate
@@ -152,14 +156,17 @@ def fluent_signatures(space: ProblemSpace) -> tuple[Signature, ...]:
 def _find_candidates(
     space: ProblemSpace, opened: OpenedFacts, size: int, limit: int = MAX_MODELS
 ) -> Iterator[EditCandidate]:
-    choices = _EditChoices(space, opened)
+    choices, obstacles = _EditChoices(space, opened), Obstacles(space.problem)
     text = "\n".join([*choices.lines(), f":- #count {{ F : _assumed(F) }} != {size}."])
-    if choices.count <= TRIAL_GROUNDING_INSTANCES or can_be_grounded(text):
+    if choices.count > TRIAL_GROUNDING_INSTANCES and not can_be_grounded(text):
+        return
+    with suppress(GroundingTooLarge):  # what cannot be grounded is not proposed
         for model in enumerate_models(text, "_shown", "edit", limit):
             edits = tuple(
                 edit_of_assumption(term.arguments[0], space.problem.domain) for term in model.terms
             )
-            yield EditCandidate(edits, model.others)
+            if all(map(obstacles.sensible, edits)):
+                yield EditCandidate(edits, model.others)
 
 
 def edit_of_assumption(assumed: Term, domain: Domain) -> Edit:

@@ -170,6 +170,7 @@ MAX_SIZE = 3  # facts in one change
 MAX_TRIALS = 1_000  # single facts planned with
 MAX_JOINT_TRIALS = 60  # sets of several facts planned with, for each size
 MAX_JOINT_MODELS = 400
+MAX_HALVES = 40  # tries of nearer numbers
 MAX_JOINT = 5  # sets of several facts that are enough
 # a change is large if it makes so many times as many instances of operators as there are,
 LARGE_GROWTH = 3
@@ -244,7 +245,7 @@ class ChangeSearch:
                 None,
             )
             if replacement is not None:
-                self._remember(replacement)
+                self._remember(self._nearer(replacement))
             elif candidate.effect:
                 useless.add(candidate.effect)
 
@@ -277,6 +278,26 @@ class ChangeSearch:
         elif len(edits) == 1:
             self._vain |= {(image,) for image in self._alike.images(edits[0])}
         return False
+
+    def _nearer(self, edit: Edit) -> Edit:
+        """The edit that was found last with the number that is nearest to the old one and
+        helps, too, by halves.
+        """
+        place = _renumbered(edit)
+        if place is None or edit.removed is None:
+            return edit
+        (old, new), best = (_number(each, place) for each in (edit.removed, edit.fact)), edit
+        for _ in range(MAX_HALVES):
+            middle = (old + new) // 2 if new > old else -((-old - new) // 2)
+            if middle in (old, new) or self.interrupted():
+                break
+            nearer = Edit(edit.layer, _with_number(edit.fact, place, middle), edit.removed)
+            if self._try((nearer,)):
+                self.found.pop(-2)
+                new, best = middle, nearer
+            else:
+                old = middle
+        return best
 
     @cached_property
     def _alike(self) -> AlikeObjects:
@@ -414,6 +435,27 @@ def _is_renumbering(edit: Edit) -> bool:
     """Whether a fact stands in place of the same one with another number."""
     return edit.removed is not None and edit_family(edit) == edit_family(
         Edit(edit.layer, edit.removed)
+    )
+
+
+def _renumbered(edit: Edit) -> int | None:
+    """The only argument in which a new number stands in place of an old one."""
+    if not _is_renumbering(edit) or edit.removed is None:
+        return None
+    pairs = zip(edit.fact.arguments, edit.removed.arguments, strict=True)
+    places = [place for place, (new, old) in enumerate(pairs) if new != old]
+    return places[0] if len(places) == 1 else None
+
+
+def _number(fact: Atom, place: int) -> int:
+    number = fact.arguments[place]
+    assert isinstance(number, Number)
+    return number.value
+
+
+def _with_number(fact: Atom, place: int, value: int) -> Atom:
+    return Function(
+        fact.name, (*fact.arguments[:place], Number(value), *fact.arguments[place + 1 :])
     )
 
 

@@ -7,10 +7,12 @@ they are.
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from cellwright.engine.pipelines.explanation.amendments import domain_facts, terms_within
+from cellwright.engine.pipelines.explanation.number_kinds import NumberKinds, Place, numbers_in
+from cellwright.engine.pipelines.explanation.parts_of_values import names, values
 from cellwright.engine.pipelines.explanation.relaxed_program import (
     AUXILIARY_RULES,
     MISSED_PREDICATE,
@@ -33,7 +35,6 @@ from cellwright.kb.model.conditions import (
     Comparison,
     Condition,
     Literal,
-    Parameter,
     goal_parts,
 )
 from cellwright.kb.model.domain_model import NUMERIC_TYPES, UNLISTED_TYPES, Kind
@@ -311,9 +312,7 @@ class ProblemSpace:
             self.problem.goal,
             tuple(effects),
         )
-        names_used = {
-            name for part in (*parts, tuple(normaliser.rules)) for name in names_within(part)
-        }
+        names_used = {name for part in (*parts, tuple(normaliser.rules)) for name in names(part)}
         changing = {
             predicate.name
             for predicate in domain.predicates.values()
@@ -335,7 +334,7 @@ class ProblemSpace:
             for consequence in operator.consequences
             if operator.trigger.positive and not consequence.implied
         ]
-        names_read = {name for body in bodies for name in names_within(body)}
+        names_read = {name for body in bodies for name in names(body)}
         while True:
             rules = [
                 rule
@@ -365,7 +364,7 @@ class ProblemSpace:
             for constant in terms
             if isinstance(constant, Function) and not constant.arguments
         }
-        named |= set(names_within(self.problem.goal))
+        named |= set(names(self.problem.goal))
         domain = self.problem.domain
         declared = {
             *domain.objects,
@@ -388,7 +387,7 @@ class ProblemSpace:
             self.problem.goal,
         )
         read = {use.predicate[0] for rule in self.problem.domain.asp for use in rule.uses}
-        return frozenset(read | {name for part in parts for name in names_within(part)})
+        return frozenset(read | {name for part in parts for name in names(part)})
 
     def arguments(self, signature: Signature) -> tuple[tuple[Term, ...], ...]:
         """The values that each argument of a predicate could take."""
@@ -423,14 +422,16 @@ class ProblemSpace:
         return (fact for fact in facts if (fact.name, len(fact.arguments)) == signature)
 
     def _numbers(self, signature: Signature, place: int) -> list[int]:
-        """Small numbers, those that anything mentions, and those beside which a comparison
-        changes.
+        """Small numbers, those of the same kind that anything mentions, how many objects there are,
+        and those beside which a comparison changes.
         """
         own = {fact.arguments[place] for fact in self._given(signature)}
-        numbers = {term.value for term in self._mentioned if isinstance(term, Number)}
+        alike = self._kinds.alike(Place(signature[0], place))
+        numbers = {number for term in alike for number in self._numbers_at.get(term, ())}
         numbers |= {
             term.value + step for term in own if isinstance(term, Number) for step in (-1, 1)
         }
+        numbers |= self._object_counts
         compared = (Function(signature[0]), Number(place))
         numbers |= {
             row[2].value
@@ -442,6 +443,42 @@ class ProblemSpace:
         return sorted(numbers | set(range(SMALL_NUMBER + 1)))
 
     @cached_property
+    def _kinds(self) -> NumberKinds:
+        return NumberKinds(self.problem.domain)
+
+    @cached_property
+    def _numbers_at(self) -> dict[Place, set[int]]:
+        """The numbers that a fact, a reachable atom, a stage or the goal has at each place."""
+        found: dict[Place, set[int]] = defaultdict(set)
+        atoms = (
+            Function(name.removeprefix("_r_").removeprefix("_h_").removeprefix("_v_"), row)
+            for (name, _), rows in self._held()
+            for row in rows
+        )
+        asked = (each for each in values(self.problem.goal) if isinstance(each, Function))
+        for atom in (*atoms, *asked):
+            for place, number in numbers_in(atom):
+                found[place].add(number)
+        return found
+
+    @cached_property
+    def _object_counts(self) -> frozenset[int]:
+        """How many objects each type has: something may have to be enough for all of them."""
+        types = self.problem.domain.types
+        return frozenset(
+            len(self.rows((name, 1))) for name, each in types.items() if not each.constants
+        )
+
+    def _held(self) -> Iterator[tuple[Signature, tuple[tuple[Term, ...], ...]]]:
+        """The true and the reachable atoms, without what only explains them."""
+        hidden = ("_o_", MISSED_PREDICATE, "_goal", *AUXILIARY_RULES)
+        return (
+            each
+            for each in self.atoms.items()
+            if each[0][0] != THRESHOLD_PREDICATE and not each[0][0].startswith(hidden)
+        )
+
+    @cached_property
     def _compared(self) -> frozenset[int]:
         """The numbers in goals and conditions of operators: with values beside them, a quantity
         may be enough.
@@ -451,20 +488,14 @@ class ProblemSpace:
             *(operator.precondition for operator in self.problem.domain.operators),
         )
         inner_values = (
-            inner_value for condition in conditions for inner_value in values_within(condition)
+            inner_value for condition in conditions for inner_value in values(condition)
         )
         return frozenset(number.value for number in inner_values if isinstance(number, Number))
 
     @cached_property
     def _mentioned(self) -> frozenset[Term]:
         """Every number and text in a fact, a reachable atom or a stage."""
-        mentioned = (
-            row
-            for (name, _), rows in self.atoms.items()
-            if name != THRESHOLD_PREDICATE
-            and not name.startswith(("_o_", MISSED_PREDICATE, "_goal", *AUXILIARY_RULES))
-            for row in rows
-        )
+        mentioned = (row for _, rows in self._held() for row in rows)
         terms = (inner for row in mentioned for argument in row for inner in terms_within(argument))
         return frozenset(term for term in terms if isinstance(term, Number | Text))
 
@@ -501,27 +532,3 @@ def _plain_body(condition: Condition) -> Body:
     return tuple(
         part for part in goal_parts(condition) if isinstance(part, Literal | Comparison | Aggregate)
     )
-
-
-def names_within(value: object) -> Iterator[str]:
-    """The names of all predicates, terms and types in a value of the model, repeated as they
-    repeat.
-    """
-    for inner_value in values_within(value):
-        if isinstance(inner_value, Function):
-            yield inner_value.name
-        if isinstance(inner_value, Parameter):
-            yield inner_value.type
-        if isinstance(inner_value, Aggregate):
-            yield from (name for name, _ in inner_value.uses)
-
-
-def values_within(value: object) -> Iterator[object]:
-    """A value of the model and all values inside it. What an aggregate counts is text."""
-    yield value
-    if is_dataclass(value) and not isinstance(value, Aggregate):
-        for attribute in fields(value):
-            yield from values_within(getattr(value, attribute.name))
-    elif isinstance(value, tuple):
-        for item in value:
-            yield from values_within(item)

@@ -218,6 +218,7 @@ class TourVisits:
     tours: TourProblem
     parts: ToolPartition | None = None
     problem: Problem | None = None
+    warnings: tuple[Diagnostic, ...] = ()
 
     def ending(self, closed: bool | None, start: str = "", end: str = "") -> "TourVisits":
         """The same visits for a tour that is closed or not (None: as it was), with these first and

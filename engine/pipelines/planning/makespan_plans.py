@@ -5,7 +5,7 @@ search may make it true as early as it likes. Who asks for it expects it done in
 that costs nothing, the step that makes it true moves there.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from cellwright.engine.kernels.bits import Bits, bitset, indices
@@ -174,21 +174,37 @@ def _as_named(
     """The best timetable, or one that is as good and does things in the order in which they are
     named.
     """
-    plan = _in_named_order(problem, task, best.plan)
-    renamed_timetable = None if plan == best.plan else time_plan(problem, task, plan, work)
-    if not isinstance(renamed_timetable, Timetable):
-        return best
-    renamed_timetable = _with_bound(renamed_timetable, bound)
-    as_good = (
-        timetable_value(renamed_timetable)[:-1] <= timetable_value(best)[:-1]
-        and renamed_timetable.schedule.proved >= best.schedule.proved
+    ways: tuple[Callable[[Plan], Plan], ...] = (
+        lambda plan: _in_named_order(problem, task, plan),
+        lambda plan: in_named_order(problem, plan),
     )
-    return (
-        renamed_timetable
-        if as_good
-        and _in_named_order(problem, task, renamed_timetable.plan) == renamed_timetable.plan
-        else best
+    for named in ways:
+        plan = named(best.plan)
+        if plan == best.plan:
+            return best
+        for renamed_timetable in (
+            time_plan(problem, task, plan, work),
+            _renamed(own_order(problem, task, plan), best),
+        ):
+            if isinstance(renamed_timetable, Timetable):
+                judged = _with_bound(renamed_timetable, bound)
+                as_good = timetable_value(judged)[:-1] <= timetable_value(best)[:-1]
+                proved = judged.schedule.proved >= best.schedule.proved
+                if as_good and proved and named(judged.plan) == judged.plan:
+                    return judged
+    return best
+
+
+def _renamed(own: Timetable, best: Timetable) -> Timetable:
+    """The timetable of a plan that differs from the best one in the names of alike objects:
+    what bounds that one bounds it, too.
+    """
+    if own.schedule.makespan != best.schedule.makespan:
+        return own
+    known = replace(
+        own.schedule, lower_bound=best.schedule.lower_bound, proved=best.schedule.proved
     )
+    return replace(own, schedule=known, scope=best.scope)
 
 
 def _in_named_order(problem: Problem, task: GroundTask, plan: Plan) -> Plan:

@@ -4,8 +4,12 @@ It searches for a sequence of steps, makes the sequence cheaper, and then drops 
 plan does not need.
 """
 
+from dataclasses import replace
+
+from cellwright.engine.kernels.bits import indices
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import NO_OFFER, Found, GaveUp, Infeasible, Outcome, Statistics
+from cellwright.engine.model.workflow_replay import said_of
 from cellwright.engine.stages.planning.composites import NO_MACROS, Macros
 from cellwright.engine.stages.planning.effect_variants import TooManyVariants
 from cellwright.engine.stages.planning.improvement.anytime_improvement import best_plan
@@ -22,6 +26,7 @@ from cellwright.engine.stages.planning.search_control import (
     SearchResult,
     expansions_within,
 )
+from cellwright.engine.stages.planning.shortage import shortages
 
 __all__ = [
     "NO_MACROS",
@@ -37,6 +42,9 @@ __all__ = [
     "plan_task",
 ]
 
+# goals that are looked at by themselves, and expansions for each
+MAX_ALONE, FEW_EXPANSIONS = 12, 200
+NO_GOALS = "some goal cannot be reached, whatever is done"
 RACE = "race"  # all strategies at the same time
 
 
@@ -53,10 +61,8 @@ def plan_task(
 
         return race_strategies(task, limits, plan_task)
     effort = limits.searching()
-    if not task.goals:
-        return Infeasible(
-            "some goal cannot be reached, whatever is done", _search_statistics(effort)
-        )
+    if why := "; ".join(map(str, shortages(task))) if task.goals else NO_GOALS:
+        return Infeasible(why, _search_statistics(effort))
     setting = SearchSetting(task, limits.seed, macros)
     try:
         first = setting.proof.run(effort) if limits.doubtful else None
@@ -72,7 +78,7 @@ def plan_task(
         stopped = "time" if effort.expanded < effort.limit else "expansions"
         return GaveUp(f"no plan after {effort.expanded} expansions", stopped, statistics)
     if answer.steps is None and not effort.expanded:
-        return Infeasible("the goals cannot be reached together, whatever is done", statistics)
+        return Infeasible(_out_of_reach(task, limits), statistics)
     if answer.steps is None:
         return Infeasible("every way to the goals has been tried", statistics)
     best, proved = best_plan(setting, answer.steps, limits)
@@ -81,6 +87,23 @@ def plan_task(
         statistics,
         optimal=proved or (limits.strategy == "shortest" and _has_uniform_costs(task)),
     )
+
+
+def _out_of_reach(task: GroundTask, limits: SearchLimits) -> str:
+    """Which goal cannot be reached by itself; only if none is found, that they cannot be
+    reached together.
+    """
+    wanted = indices(task.goals[0]) if len(task.goals) == 1 else []
+    for each in wanted if 1 < len(wanted) <= MAX_ALONE else []:
+        single = SearchSetting(replace(task, goals=(1 << each,)), limits.seed, NO_MACROS)
+        answer = STRATEGIES[limits.strategy](
+            single, replace(limits, expansions=FEW_EXPANSIONS).searching()
+        )
+        if answer is not None and answer.steps is None:
+            return f"{said_of(task.atoms[each])} cannot be reached, whatever is done"
+    if len(wanted) == 1:
+        return "the goal cannot be reached, whatever is done"
+    return "the goals cannot be reached together, whatever is done"
 
 
 def _has_uniform_costs(task: GroundTask) -> bool:

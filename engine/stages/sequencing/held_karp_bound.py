@@ -108,7 +108,7 @@ def sparse_lower_bound(
     place: it stands for its ends. `effort` is the number of cities that are looked at. If it is
     interrupted, it has no time for a bound on many cities: 0.
     """
-    n, upper, best = len(costs), costs.of_tour(tour), -np.inf
+    n, upper = len(costs), costs.of_tour(tour)
     costs = costs.tabled()
     if n > MAX_QUICK_CITIES and interrupted():
         return 0, np.zeros(n)
@@ -119,7 +119,11 @@ def sparse_lower_bound(
     places = n - opened
     whole = n <= MAX_DENSE_CITIES or costs.metric is None
     first_steps = int(steps * CLUSTERED) if whole else steps
-    penalty = _raise_clusters(edges, np.zeros(n), places, float(upper), first_steps, interrupted)
+    kept: Floats = np.zeros(n)
+    best, _ = _of_all(
+        costs, kept, edges
+    )  # few edges mislead the ascent where points lie on a line, so this may remain
+    penalty = _raise_clusters(edges, kept, places, float(upper), first_steps, interrupted)
     for part, *shares in ASCENT_ROUNDS if whole else SINGLE_ASCENT_ROUNDS:
         penalty = _averaged_ascent(
             edges, penalty, float(upper), int(steps * part), shares, interrupted
@@ -127,7 +131,8 @@ def sparse_lower_bound(
         if interrupted() and (n > MAX_QUICK_CITIES or np.isfinite(best)):
             break
         value, codes = _of_all(costs, penalty, edges)
-        best = max(best, value)
+        if value > best:
+            best, kept = value, penalty
         known_codes = _edge_codes(edges.first, edges.second, n)
         fresh = np.setdiff1d(codes, known_codes)
         if interrupted() or best > upper - 1:
@@ -136,7 +141,7 @@ def sparse_lower_bound(
             edges = _edge_list(
                 costs, np.concatenate((known_codes, fresh, _promising_edges(costs, penalty)))
             )
-    return min(upper, int(np.ceil(best))) if np.isfinite(best) else 0, penalty
+    return min(upper, int(np.ceil(best))) if np.isfinite(best) else 0, kept
 
 
 def _edge_codes(a: NDArray[np.integer], b: NDArray[np.integer], n: int) -> Longs:

@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 from cellwright.engine.kernels.arrays import Floats, Ints, Longs
 from cellwright.engine.model.outcome import GaveUp, Infeasible
 from cellwright.engine.model.tour_problem import Metric, Tour, TourProblem, cost_of, tour_violations
-from cellwright.engine.stages.sequencing import held_karp_bound, phased_tours, symmetric_tours
+from cellwright.engine.stages.sequencing import (
+    farthest,
+    held_karp_bound,
+    phased_tours,
+    symmetric_tours,
+)
 from cellwright.engine.stages.sequencing.city_costs import CityCosts, of_matrix
 from cellwright.engine.stages.sequencing.directed_tours import best_first_order, solve_directed
 from cellwright.engine.stages.sequencing.first_tours import along_hilbert, chain_tour
@@ -90,6 +95,12 @@ def sequence_tour(
     `method` is one of METHODS. The chain of 1987 works only with symmetric costs, without windows
     and precedence; in other cases the answer is `GaveUp`.
     """
+    found = _sequenced(problem, limits, method)
+    return farthest.raised(problem, found, limits.interrupted) if isinstance(found, Tour) else found
+
+
+def _sequenced(problem: TourProblem, limits: TourLimits, method: str) -> Answer:
+    """The best order found, with the bounds of the search."""
     n = len(problem.visits)
     if n == 0:
         return Tour((), 0, 0, method=method)

@@ -10,7 +10,10 @@ from cellwright.engine.faces.cli.option_declarations import Argument, Option, ma
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import Format, Target
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
-from cellwright.engine.faces.cli.process.exit_codes import BAD_INPUT, FINDINGS
+from cellwright.engine.faces.cli.process.exit_codes import BAD_INPUT, FINDINGS, INTERRUPTED
+from cellwright.engine.faces.cli.process.process_limits import current_watch
+from cellwright.engine.faces.cli.process.progress_line import tell_progress
+from cellwright.kb.stopping import StoppedByCaller
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -204,12 +207,24 @@ def _test_golden_plans(target: str, update: bool) -> VerbAnswer:
             hint,
         )
         raise InvalidInput([golden_diagnostic])
-    compared = list(golden_files.compare_all(target))
+    compared: list[GoldenComparison] = []
+    begun: list[str] = []
+
+    def begin(name: str) -> None:
+        begun.append(name)
+        tell_progress(name)
+
+    try:
+        compared += golden_files.compare_all(target, begin)
+    except (KeyboardInterrupt, StoppedByCaller):
+        if (watch := current_watch()) and watch.short:
+            raise
+        return _interrupted(compared, begun[-1] if begun else "")
     if update:
         for comparison in compared:
             if comparison.verdict != "same":
                 golden_files.accept_answer(comparison)
-    content = {"updated": update, "problems": list(map(_golden_entry, compared))}
+    content = {"updated": update, "unfinished": "", "problems": list(map(_golden_entry, compared))}
     agreed = update or all(comparison.verdict == "same" for comparison in compared)
     return VerbAnswer(
         "same" if agreed else "different",
@@ -217,6 +232,20 @@ def _test_golden_plans(target: str, update: bool) -> VerbAnswer:
         lambda: _golden_text(compared, update),
         0 if agreed else FINDINGS,
     )
+
+
+def _interrupted(compared: "list[GoldenComparison]", name: str) -> VerbAnswer:
+    """The answer of a test that was ended early: what is known, and which problem was being
+    planned.
+    """
+    content = {"updated": False, "unfinished": name, "problems": list(map(_golden_entry, compared))}
+
+    def text() -> "RenderableType":
+        from rich.console import Group
+
+        return Group(_golden_text(compared, False), f"interrupted while planning {name}")
+
+    return VerbAnswer("interrupted", content, text, INTERRUPTED)
 
 
 def _golden_entry(compared: "GoldenComparison") -> dict[str, Any]:

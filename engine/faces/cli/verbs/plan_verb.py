@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from cellwright.engine.pipelines.motion.moving_plan import MovingRun
     from cellwright.engine.pipelines.planning.plan_objective import Run
     from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.kb.diagnostics import Diagnostic
     from cellwright.kb.model.domain_model import Domain
     from cellwright.kb.model.planning_problem import Problem
 
@@ -296,10 +297,23 @@ def _plan_target(
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
         diagnostics=(
             *plan_answer.library_warnings(made_plan.origin, work.store),
-            *(task.warnings if task else ()),
+            *(task.warnings if task else _displaced(made_plan)),
         ),
         raw=raw_plan(made_plan, form, task),
     )
+
+
+def _displaced(made: "PlanAnswer") -> "tuple[Diagnostic, ...]":
+    """Warnings about what the plan moves out of the way of a goal without anybody having said
+    so.
+    """
+    from cellwright.engine.model.outcome import Found
+    from cellwright.engine.pipelines.displacing import displaced
+
+    outcome = made.run.outcome
+    if not isinstance(outcome, Found):
+        return ()
+    return tuple(displaced(made.problem, outcome.plan))
 
 
 def _make_plan(

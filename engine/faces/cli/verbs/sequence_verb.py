@@ -296,6 +296,7 @@ def _tour_answer(
         tour_report.visits_tour_content(answer, found),
         lambda: tour_report.visits_tour_text(answer, found),
         INTERRUPTED if heard else 0,
+        diagnostics=found.warnings,
         raw=tour_svg.draw_tour(answer, found.tours) if form is TourForm.SVG else None,
     )
 

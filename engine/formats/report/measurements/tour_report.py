@@ -130,11 +130,11 @@ def tour_summary(tour: Tour, problem: TourProblem) -> str:
     good = "proved least" if tour.proved else f"at most {100 * tour.gap:.2f} % above the least"
     bound = "no lower bound"
     if tour.gap != float("inf"):
-        bound = f"lower bound {_tour_cost(tour.lower_bound, problem.unit)}: {good}"
-    return f"{len(tour.order)} visits, {kind}, cost {_tour_cost(tour.cost, problem.unit)}, {bound}"
+        bound = f"lower bound {length(tour.lower_bound, problem.unit)}: {good}"
+    return f"{len(tour.order)} visits, {kind}, cost {length(tour.cost, problem.unit)}, {bound}"
 
 
-def _tour_cost(cost: int, unit: str) -> str:
+def length(cost: int, unit: str) -> str:
     """A cost as people say it: millionths of a metre or of a second as metres or seconds."""
     return f"{cost / 1e6:.3f} {unit[1:]}" if unit.startswith("µ") else f"{cost} {unit}".strip()
 

@@ -32,7 +32,12 @@ def explanation_text(no_plan_explanation: Explanation) -> Text:
     if len(no_plan_explanation.goals) == 1:
         lines.append(f"This goal cannot be reached: {no_plan_explanation.goals[0]}")
     else:
-        lines += ["These goals cannot be reached together, though any fewer of them can:"]
+        lines += [
+            "These goals cannot be reached together, though any fewer of them can:"
+            if no_plan_explanation.fewer
+            else "No plan reaches all of these goals; whether fewer of them can be reached was "
+            "not decided:"
+        ]
         lines += [f"  {goal}" for goal in no_plan_explanation.goals]
     lines += [f"  because {exclusion}" for exclusion in no_plan_explanation.exclusions]
     lines += [f"  {gap}" for gap in no_plan_explanation.gaps]

@@ -12,6 +12,7 @@ from cellwright.engine.formats.report.measurements import tool_groups, tour_repo
 from cellwright.engine.formats.report.text_tables import TextTable
 from cellwright.engine.model.answer_wording import count_noun
 from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.planning.decomposition import Itinerary
 from cellwright.engine.pipelines.planning.plan_objective import Run
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.terms import Function as Name
@@ -55,6 +56,7 @@ def itinerary_entry(run: Run) -> dict[str, Any]:
         if itinerary.shared
         else tour_report.tour_entry(itinerary.tour, itinerary.problem)
     )
+    sequence_data |= counted_entry(itinerary)
     sequence_data |= {"kept": itinerary.kept, "altered": itinerary.altered}
     groups = tool_groups.tool_groups_entry(itinerary.partition)
     groups["impossible"] |= itinerary.unasked
@@ -82,10 +84,7 @@ def itinerary_text(run: Run, unit: str) -> RenderableType:
     report_parts: list[RenderableType] = [
         tour_report.shares_text(itinerary.shared)
         if itinerary.shared
-        else Text(
-            f"In the order of the sequence{kept_note}: "
-            f"{tour_report.tour_summary(itinerary.tour, itinerary.problem)}"
-        )
+        else Text(f"In the order of the sequence{kept_note}: {_summary(itinerary)}")
     ]
     report_parts += (
         [Text(f"Not all windows can be kept: {itinerary.unkept}.")] if itinerary.unkept else []
@@ -100,6 +99,49 @@ def itinerary_text(run: Run, unit: str) -> RenderableType:
     if isinstance(run.outcome, Found) and run.timetable is not None:
         report_parts.insert(0, _operator_times(run.outcome.plan, unit))
     return Group(*report_parts)
+
+
+def counted_entry(way: Itinerary) -> dict[str, Any]:
+    """What the plan takes with all changes, for JSON: in the place of the length of its ways,
+    which comes under `ways`.
+    """
+    ways = {"ways": {"cost": way.tour.cost, "unit": way.problem.unit}}
+    if way.counted is None:
+        return {**ways, "lower_bound": None, "gap": None, "proved": False} if way.altered else {}
+    counted = way.counted
+    gap = {"gap": round(counted.gap, 6) if counted.least else None, "proved": counted.proved}
+    return {
+        **ways,
+        "cost": counted.takes,
+        "unit": counted.unit,
+        "lower_bound": counted.least,
+        **gap,
+    }
+
+
+def _summary(way: Itinerary) -> str:
+    """One line about the tour: what it takes with all changes where that was counted, else the
+    length of its ways.
+    """
+    counted = way.counted
+    if counted is None and way.altered:
+        ways = tour_report.length(way.tour.cost, way.problem.unit)
+        least = tour_report.length(way.tour.lower_bound, way.problem.unit)
+        return (
+            f"{len(way.visits)} visits, open, {ways} of ways (the least without changes are "
+            f"{least})"
+        )
+    if counted is None:
+        return tour_report.tour_summary(way.tour, way.problem)
+    good = (
+        "proved least" if counted.proved else f"at most {100 * counted.gap:.2f} % above the least"
+    )
+    what = "its plan takes" if counted.unit else "its plan costs"
+    takes, least = (f"{each} {counted.unit}".strip() for each in (counted.takes, counted.least))
+    return (
+        f"{len(way.visits)} visits, open, {what} {takes} with all changes, lower bound {least}: "
+        f"{good}"
+    )
 
 
 def _operator_times(plan: Plan, unit: str) -> RenderableType:

@@ -13,8 +13,10 @@ from cellwright.engine.model.part_measurements import chooses_tools, is_shared
 from cellwright.engine.pipelines.inspection.tool_tours import partition_by_tool
 from cellwright.engine.pipelines.inspection.tour_demands import TourDemands
 from cellwright.engine.pipelines.planning.checked_plan import LARGE_INSTANCES
+from cellwright.engine.pipelines.planning.decomposition.counting import in_counted_order
 from cellwright.engine.pipelines.planning.decomposition.joined_plan import join_parts, of_arms
 from cellwright.engine.pipelines.planning.decomposition.measurement_order import (
+    CountedTour,
     Itinerary,
     find_itinerary,
     in_best_order,
@@ -42,6 +44,7 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, natural_key
 
 __all__ = [
+    "CountedTour",
     "Itinerary",
     "MacroMemory",
     "Notebook",
@@ -84,7 +87,7 @@ def by_sequence(
         return None
     line.seconds["sequencing"] = time.perf_counter() - started
     started = time.perf_counter()
-    route = in_best_order(route, line, cheap)
+    route = in_counted_order(in_best_order(route, line, cheap), line, asked, cheap)
     line.seconds["start"] = time.perf_counter() - started
     outcome = _plan_itinerary(problem, route, line)
     if (

@@ -39,6 +39,29 @@ SEQUENCE_PROOF = (
 Run = tuple[int, ...]  # places of visits that follow one another with one tool from one station
 
 
+@dataclass(frozen=True, slots=True)
+class CountedTour:
+    """What the plan along an itinerary takes with all changes of tools and stations, and what every
+    order takes at least.
+
+    In the domain's unit of time; costs have no unit.
+    """
+
+    takes: int
+    least: int
+    unit: str
+
+    @property
+    def proved(self) -> bool:
+        """Whether no order takes less."""
+        return self.takes <= self.least
+
+    @property
+    def gap(self) -> float:
+        """How much less another order could take, as a share of the least."""
+        return max(0, self.takes - self.least) / max(1, self.least)
+
+
 @dataclass(frozen=True)
 class Itinerary:
     """The measurements of an inspection in the order of a tour, each with its tool.
@@ -48,7 +71,8 @@ class Itinerary:
     that cannot be made, with the reasons, which no goal asks for. `unkept` says why no tour keeps
     all windows, if that is known. `shared` says how several arms share the measurements: then the
     visits are in the order in which they can begin, and `problem` and `tour` are those of the arm
-    that is done last.
+    that is done last. `counted` says what all of that takes, where few visits are made by several
+    tools or from several stations.
     """
 
     visits: tuple[tuple[str, str], ...]
@@ -61,6 +85,7 @@ class Itinerary:
     unasked: Mapping[str, str] = field(default_factory=dict)
     unkept: str = ""
     shared: SharedMeasurements | None = None
+    counted: CountedTour | None = None
 
     @property
     def runs(self) -> tuple[Run, ...]:
@@ -298,7 +323,7 @@ def in_best_order(route: Itinerary, line: PartChain, cheap: bool = False) -> Iti
     if route.fixed or route.shared is not None or not route.visits:
         return route
     parts = {part.name: part for part in route.parts(line.problem)}
-    links, own = _RunLinks(route, line, cheap, parts), route.runs
+    links, own = Links(route, line, cheap, parts), route.runs
     best = _best_order(own, links, route.turnable)
     if best == own:
         return route
@@ -309,7 +334,7 @@ def in_best_order(route: Itinerary, line: PartChain, cheap: bool = False) -> Iti
     return other_route if (now[::-1] < was[::-1] if cheap else now < was) else route
 
 
-def _best_order(own: Order, links: "_RunLinks", turnable: Turnable) -> Order:
+def _best_order(own: Order, links: "Links", turnable: Turnable) -> Order:
     """The best of all orders of few runs; of more, what step by step improvement ends with."""
     if len(own) <= EXACT_RUNS:
         return min((own, *_all_orders(own, turnable)), key=links.value)
@@ -345,7 +370,7 @@ def _neighbour_orders(order: Order, turnable: Turnable) -> Iterator[Order]:
 
 
 @dataclass
-class _RunLinks:
+class Links:
     """What plans take from visit to visit, planned when first asked for; a visit is its place
     in the tour.
     """
@@ -364,10 +389,7 @@ class _RunLinks:
         The cost comes first if the order is to be cheap.
         """
         ends = [None, *(place for run in order for place in (run[0], run[-1])), None]
-        ways = [
-            self._link(start_visit, end_visit)
-            for start_visit, end_visit in list(pairwise(ends))[::2]
-        ]
+        ways = [self._link(one, other) for one, other in list(pairwise(ends))[::2]]
         lasts, cost = sum(lasts for lasts, _ in ways), sum(cost for _, cost in ways)
         return (cost, lasts) if self.cheap else (lasts, cost)
 
@@ -375,16 +397,23 @@ class _RunLinks:
         """Whether an order is known to take less; not if too many ways have been planned."""
         return len(self.known) < MAX_PLANNED_LINKS and self.value(order) < least
 
-    def _link(self, start_visit: int | None, end_visit: int | None) -> Value:
-        if (start_visit, end_visit) not in self.known:
-            self.known[start_visit, end_visit] = self._planned(start_visit, end_visit)
-        return self.known[start_visit, end_visit]
+    def value_between(self, one: int | None, other: int | None) -> Value:
+        """What leads from one visit to another one takes; None is the start, or the end.
+        Nothing leads from a visit to itself.
+        """
+        lasts, cost = (0, 0) if one == other else self._link(one, other)
+        return (cost, lasts) if self.cheap else (lasts, cost)
 
-    def _planned(self, start_visit: int | None, end_visit: int | None) -> Value:
-        part = self.parts.get("" if end_visit is None else self.way.visits[end_visit][0])
+    def _link(self, one: int | None, other: int | None) -> Value:
+        if (one, other) not in self.known:
+            self.known[one, other] = self._planned(one, other)
+        return self.known[one, other]
+
+    def _planned(self, one: int | None, other: int | None) -> Value:
+        part = self.parts.get("" if other is None else self.way.visits[other][0])
         if part is None:
             return 0, 0
-        begin = self._after(start_visit)
+        begin = self._after(one)
         return (INFINITE_COST, INFINITE_COST) if begin is None else begin.trial([part])
 
     def _after(self, visit: int | None) -> PartChain | None:

@@ -74,7 +74,13 @@ def _body_colour(world: GeometricWorld, body: str, kind: str) -> Colour:
 def mesh_of(piece: ConvexPiece) -> tuple[Floats, Longs]:
     """Vertices (n, 3) in the carrier's frame and triangles (m, 3): grids for round pieces, else
     hulls.
+
+    A single triangle, as of a mesh that stands for its surface, is seen from both sides.
     """
+    if len(piece.vertices) == 3:
+        return transforms.apply(piece.T_carrier_piece, piece.vertices), np.array(
+            [[0, 1, 2], [0, 2, 1]]
+        )
     if len(piece.vertices) > 2:
         return transforms.apply(piece.T_carrier_piece, piece.vertices), hull_triangles(
             piece.vertices

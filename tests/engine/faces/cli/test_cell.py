@@ -84,3 +84,36 @@ def test_the_version_is_told() -> None:
     result = run(app, ["--version"])
     assert result.exit_code == 0
     assert result.stdout == f"cellwright {version('cellwright')}\n"
+
+
+@pytest.mark.parametrize(
+    ("form", "begins"), [("png", b"\x89PNG"), ("svg", b"<svg"), ("gltf", b'{"asset"')]
+)
+def test_a_hollow_mesh_has_a_picture_without_a_package_that_divides_it(
+    tmp_path: Path, form: str, begins: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "cellwright.engine.stages.geometry.shapes.meshes.has_decomposer", lambda: False
+    )
+    outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+    corners = [(x / 10, y / 10, z / 10) for z in (0, 1) for x, y in outline]
+    faces = [(0, 2, 1), (0, 3, 2), (0, 4, 3), (0, 5, 4)]
+    faces += [tuple(6 + each for each in reversed(face)) for face in faces]
+    faces += [
+        t for a in range(6) for b in [(a + 1) % 6] for t in [(a, b, b + 6), (a, b + 6, a + 6)]
+    ]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [
+        f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces
+    ]
+    (tmp_path / "l.obj").write_text("\n".join(lines) + "\n")
+    (tmp_path / "domain.yaml").write_text(
+        "domain: flat\ntypes: {thing: object}\nobjects: {thing: [a]}\nfluents:\n  moved(thing): "
+        "{}\noperators:\n"
+        "  go(Thing): {preconditions: not moved(Thing), adds: moved(Thing), duration: 1}\n"
+    )
+    (tmp_path / "cell.yaml").write_text(
+        "cell: flat\nfixtures:\n  angle: {shapes: [{mesh: {file: l.obj}}]}\n"
+    )
+    output = tmp_path / f"a.{form}"
+    assert run(app, ["cell", "show", str(tmp_path), "-o", str(output)]).exit_code == 0
+    assert output.read_bytes().startswith(begins)

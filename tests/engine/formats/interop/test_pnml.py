@@ -136,3 +136,43 @@ def test_what_others_write_is_read() -> None:
 def test_what_is_no_net_is_refused(wrong: str) -> None:
     with pytest.raises(InvalidInput, match="K811"):
         read_text(File.of("wrong.pnml", FOREIGN.format(wrong)))
+
+
+PLAIN_NET = (
+    '<pnml xmlns="http://www.pnml.org/version-2009/grammar/pnml"><net id="n" '
+    'type="http://www.pnml.org/version-2009/grammar/ptnet"><page id="g"><place id="p"/><place '
+    'id="q"/>'
+    '<transition id="t"/>{}</page></net></pnml>'
+)
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ('<arc id="a" source="p" target="t"><type value="inhibitor"/></arc>', "type 'inhibitor'"),
+        ('<arc id="a" source="p" target="t"><type><text>reset</text></type></arc>', "type 'reset'"),
+        (
+            '<arc id="a" source="p" target="t"><arctype><text>read</text></arctype></arc>',
+            "type 'read'",
+        ),
+        ('<arc id="a" source="p" target="t" type="inhibitor"/>', "type 'inhibitor'"),
+        ('<place id="r"><capacity><text>3</text></capacity></place>', "capacity of 3"),
+        ('<referencePlace id="r" ref="t"/>', "leads to no place"),
+        ('<referencePlace id="r" ref="s"/><referencePlace id="s" ref="r"/>', "leads to no place"),
+    ],
+)
+def test_what_means_more_than_a_plain_net_is_refused(tmp_path: Path, parts: str, said: str) -> None:
+    (tmp_path / "n.pnml").write_text(PLAIN_NET.format(parts))
+    with pytest.raises(InvalidInput, match=said):
+        read_pnml(tmp_path / "n.pnml")
+
+
+def test_reference_nodes_stand_for_their_nodes(tmp_path: Path) -> None:
+    parts = (
+        '<page id="h"><referencePlace id="r" ref="s"/><referencePlace id="s" ref="q"/>'
+        '<referenceTransition id="u" ref="t"/><arc id="a" source="r" target="u"><type '
+        'value="normal"/></arc></page>'
+    )
+    (tmp_path / "n.pnml").write_text(PLAIN_NET.format(parts))
+    (arc,) = read_pnml(tmp_path / "n.pnml").arcs
+    assert (arc.source, arc.target) == ("q", "t")

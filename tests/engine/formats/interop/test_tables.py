@@ -122,3 +122,44 @@ def test_a_column_is_called_as_the_table_calls_it(tmp_path: Path, cell: str, sai
         read_table(table)
     (found,) = refused.value.diagnostics
     assert said in f"{found.message} {found.hint}"
+
+
+@pytest.mark.parametrize(
+    ("columns", "cells", "width", "nominal"),
+    [
+        ("+tol,-tol", "0.05,0.02", 70, 15),
+        ("Upper Tol,lower_tol", "0.05,-0.02", 70, 15),
+        ("upper_tol,lower_tol", "0.05,0.02", 30, 35),
+        ("tol_plus,tol_minus,nominal", "0.05,-0.05,2", 100, 2000),
+        ("upper_tol_in,lower_tol_mm", "1,0", 25_400, 12_700),
+        ("+/-tol", "0.05", 100, None),
+    ],
+)
+def test_the_ends_of_a_tolerance_are_read(
+    tmp_path: Path, columns: str, cells: str, width: int, nominal: int | None
+) -> None:
+    (tmp_path / "t.csv").write_text(f"x,y,z,nx,ny,nz,{columns}\n1,2,3,0,0,1,{cells}\n")
+    (point,) = read_table(tmp_path / "t.csv").points
+    assert point.tolerance_m is not None
+    assert round(point.tolerance_m * 1e6) == width
+    assert (None if point.nominal_m is None else round(point.nominal_m * 1e6)) == nominal
+
+
+@pytest.mark.parametrize(
+    ("columns", "cells", "said"),
+    [
+        ("+tol", "0.05", "one end of the tolerance without the other"),
+        ("upper_tol,lower_tol", "0.05,", "one end of the tolerance without the other"),
+        ("upper_tol,lower_tol,tolerance", "1,0,1", "width of the tolerance zone and its ends"),
+        ("upper_tol,lower_tol", "-0.05,0.02", "above the upper one"),
+        ("upper_tol,lower_tol,kind", "0.05,-0.02,thickness", "needs a nominal value"),
+        ("tol", "0.05", "column .tol."),
+        ("iso_tol_class", "7", "looks like a tolerance"),
+    ],
+)
+def test_tolerances_that_are_not_read_are_told(
+    tmp_path: Path, columns: str, cells: str, said: str
+) -> None:
+    (tmp_path / "t.csv").write_text(f"x,y,z,nx,ny,nz,{columns}\n1,2,3,0,0,1,{cells}\n")
+    with pytest.raises(InvalidInput, match=said):
+        read_table(tmp_path / "t.csv")
