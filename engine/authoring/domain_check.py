@@ -9,7 +9,7 @@ from cellwright.engine.model.workflow_replay import stage_atom
 from cellwright.engine.pipelines.contact_states import NetRequest, net_space
 from cellwright.engine.pipelines.inspection import nominal_values
 from cellwright.engine.pipelines.inspection.tour_demands import demand_findings
-from cellwright.engine.pipelines.leeway import windows_missed
+from cellwright.engine.pipelines.planning.missed_windows import find_missed_windows
 from cellwright.engine.pipelines.planning.plan_files import generated_if_bare
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.grounding import (
@@ -136,7 +136,7 @@ def _starts_badly(
     told = {(each.code, each.where.line) for each in findings if each.code == "K314"}
     more = check_facts(problem, start, tuple(evaluate_statics(problem).everything()))
     findings += [each for each in more if each.code != "K314" or not told]
-    findings += windows_missed(problem, task)
+    findings += find_missed_windows(problem, task)
     reached = reachable_atoms(task)
     first = {stage_atom(chain, 1) for chain in problem.chains if chain.stages}
     wrong = list(warn_of_unreachable_goals(problem, reached, bool(first & reached), problems))

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.displacing import displaced
 from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning.taken_places import find_taken_places
 from cellwright.kb.commands import understand_command
 from cellwright.kb.commands.everyday import sayings
 from cellwright.kb.diagnostics import InvalidInput
@@ -50,9 +50,9 @@ def test_a_place_that_is_taken_is_said() -> None:
     problem = understand_command(load(find_target("themse")).domain, "move probe 3 to slot 1")
     outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
-    (found,) = displaced(problem, outcome.plan)
+    (found,) = find_taken_places(problem, outcome.plan)
     assert "is taken at the start by at(probe_1, slot(drawer, 1))" in found.message
     free = understand_command(load(find_target("themse")).domain, "move probe 3 to slot 3")
     outcome = checked_plan.plan_problem(free)
     assert isinstance(outcome, Found)
-    assert not list(displaced(free, outcome.plan))
+    assert not list(find_taken_places(free, outcome.plan))

@@ -308,12 +308,12 @@ def _displaced(made: "PlanAnswer") -> "tuple[Diagnostic, ...]":
     so.
     """
     from cellwright.engine.model.outcome import Found
-    from cellwright.engine.pipelines.displacing import displaced
+    from cellwright.engine.pipelines.planning.taken_places import find_taken_places
 
     outcome = made.run.outcome
     if not isinstance(outcome, Found):
         return ()
-    return tuple(displaced(made.problem, outcome.plan))
+    return tuple(find_taken_places(made.problem, outcome.plan))
 
 
 def _make_plan(

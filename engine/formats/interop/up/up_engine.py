@@ -15,12 +15,14 @@ from unified_planning.engines import PlanGenerationResultStatus as Status
 from unified_planning.engines.compilers.grounder import Grounder
 from unified_planning.engines.results import CompilerResult, PlanGenerationResult, ValidationResult
 from unified_planning.exceptions import UPUsageError
-from unified_planning.model import AbstractProblem, ProblemKind
-from unified_planning.model.problem_kind_versioning import LATEST_PROBLEM_KIND_VERSION
 from unified_planning.plans import Plan as UpPlan
 from unified_planning.plans import PlanKind
 
 from cellwright.engine.formats.interop.up.up_conditions import Unsupported
+from cellwright.engine.formats.interop.up.up_kinds import (
+    SUPPORTED_KIND,
+    UP_FEATURES,
+)
 from cellwright.engine.formats.interop.up.up_plans import (
     instance_of,
     partially_ordered,
@@ -36,40 +38,6 @@ from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
-
-UP_FEATURES = (
-    "ACTION_BASED",
-    "FLAT_TYPING",
-    "HIERARCHICAL_TYPING",
-    "NEGATIVE_CONDITIONS",
-    "DISJUNCTIVE_CONDITIONS",
-    "EQUALITIES",
-    "EXISTENTIAL_CONDITIONS",
-    "UNIVERSAL_CONDITIONS",
-    "CONDITIONAL_EFFECTS",
-    "FORALL_EFFECTS",
-    "STATIC_FLUENTS_IN_BOOLEAN_ASSIGNMENTS",
-    "FLUENTS_IN_BOOLEAN_ASSIGNMENTS",
-    "OBJECT_FLUENTS",
-    "STATIC_FLUENTS_IN_OBJECT_ASSIGNMENTS",
-    "FLUENTS_IN_OBJECT_ASSIGNMENTS",
-    "ACTIONS_COST",
-    "STATIC_FLUENTS_IN_ACTIONS_COST",
-    "INT_NUMBERS_IN_ACTIONS_COST",
-    "REAL_NUMBERS_IN_ACTIONS_COST",
-    "PLAN_LENGTH",
-)
-SUPPORTED_KIND = ProblemKind(UP_FEATURES, version=LATEST_PROBLEM_KIND_VERSION)
-
-
-def refuse_other_kinds(problem: AbstractProblem) -> None:
-    """Raises `Unsupported` with every feature of a problem that is not in `FEATURES`.
-
-    The library only warns of them.
-    """
-    if further := sorted(set(problem.kind.features).difference(UP_FEATURES)):
-        raise Unsupported(", ".join(feature.lower().replace("_", " ") for feature in further))
-
 
 Solve = Callable[[Interrupted, Callable[[PlanGenerationResult], None]], PlanGenerationResult]
 

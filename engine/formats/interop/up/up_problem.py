@@ -16,7 +16,7 @@ from cellwright.engine.formats.interop.up.up_conditions import (
     FluentLocals,
     Unsupported,
 )
-from cellwright.engine.formats.interop.up.up_engine import refuse_other_kinds
+from cellwright.engine.formats.interop.up.up_kinds import refuse_other_kinds
 from cellwright.kb.model.condition_forms import bind_variables
 from cellwright.kb.model.conditions import (
     ALWAYS_TRUE,

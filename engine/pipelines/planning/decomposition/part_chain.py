@@ -16,7 +16,8 @@ from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
 from cellwright.engine.stages.lifted.operator_schemas import NotGeneral
 from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
 from cellwright.engine.stages.macros.lookup.macro_index import MacroIndex
-from cellwright.engine.stages.macros.lookup.macro_lookup import LookupHit, check_instance, look_up
+from cellwright.engine.stages.macros.lookup.macro_instances import check_instance
+from cellwright.engine.stages.macros.lookup.macro_lookup import LookupHit, look_up
 from cellwright.engine.stages.macros.lookup.macro_query import (
     MacroQuery,
     make_query,

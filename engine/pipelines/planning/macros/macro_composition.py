@@ -19,7 +19,7 @@ from cellwright.engine.model.workflow_replay import (
 )
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.lifted.cell_domain import Situation
-from cellwright.engine.stages.macros.lookup.macro_lookup import check_instance
+from cellwright.engine.stages.macros.lookup.macro_instances import check_instance
 from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery, goal_signature
 from cellwright.engine.stages.planning.action_elimination import eliminate_actions
 from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps, is_internal

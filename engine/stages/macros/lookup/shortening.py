@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from cellwright.engine.stages.lifted.cell_domain import Situation
 from cellwright.engine.stages.lifted.fact_queries import FactSet
 from cellwright.engine.stages.lifted.ground_steps import GroundStep
-from cellwright.engine.stages.macros.lookup.macro_lookup import check_instance
+from cellwright.engine.stages.macros.lookup.macro_instances import check_instance
 from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery
 from cellwright.kb.model.conditions import Literal
 from cellwright.kb.model.plan_model import (

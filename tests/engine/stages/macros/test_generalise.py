@@ -14,7 +14,7 @@ from macro_cells import GOLDEN, Example, atom, bundled, constraints_hold, golden
 from cellwright.engine.stages.lifted.cell_domain import Situation
 from cellwright.engine.stages.lifted.operator_schemas import NotGeneral
 from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
-from cellwright.engine.stages.macros.lookup.macro_lookup import instantiate_macro
+from cellwright.engine.stages.macros.lookup.macro_instances import instantiate_macro
 from cellwright.engine.stages.macros.lookup.macro_matching import (
     MatchingBudget,
     MatchingOrder,

@@ -15,11 +15,8 @@ from macro_cells import GOLDEN, Example, atom, bundled, golden
 
 from cellwright.engine.stages.lifted.cell_domain import Situation
 from cellwright.engine.stages.macros.lookup.macro_index import MacroIndex
-from cellwright.engine.stages.macros.lookup.macro_lookup import (
-    MacroRefusal,
-    check_instance,
-    look_up,
-)
+from cellwright.engine.stages.macros.lookup.macro_instances import MacroRefusal, check_instance
+from cellwright.engine.stages.macros.lookup.macro_lookup import look_up
 from cellwright.engine.stages.macros.lookup.macro_matching import (
     MatchingBudget,
     MatchingOrder,

@@ -15,7 +15,7 @@ from cellwright.engine.kernels.bits import bitset
 from cellwright.engine.model.ground_task import progress_state
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.lifted.operator_schemas import NotGeneral
-from cellwright.engine.stages.macros.lookup.macro_lookup import instantiate_macro
+from cellwright.engine.stages.macros.lookup.macro_instances import instantiate_macro
 from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps, is_internal
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.diagnostics import InvalidInput

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cellwright.engine.stages.grounding.grounding_program import ChangingPredicates
 from cellwright.engine.stages.grounding.initial_facts import initial_state
 from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
-from cellwright.engine.stages.macros.lookup.macro_lookup import check_instance
+from cellwright.engine.stages.macros.lookup.macro_instances import check_instance
 from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery, make_query
 from cellwright.engine.stages.macros.lookup.shortening import shortened
 from cellwright.engine.stages.validation import validate_plan

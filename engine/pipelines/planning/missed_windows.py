@@ -18,7 +18,7 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number, Term
 
 
-def windows_missed(problem: Problem, task: GroundTask) -> Iterator[Diagnostic]:
+def find_missed_windows(problem: Problem, task: GroundTask) -> Iterator[Diagnostic]:
     """Warnings about windows and due times of a problem that no plan keeps."""
     words = problem.domain.conventions
     if not {words.window, words.due} & set(problem.domain.predicates):

@@ -12,7 +12,7 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, is_ground, sort_naturally, stage_parts
 
 
-def displaced(problem: Problem, plan: Plan) -> Iterator[Diagnostic]:
+def find_taken_places(problem: Problem, plan: Plan) -> Iterator[Diagnostic]:
     """A warning for each thing that nobody named and that a plan takes away from where a goal
     puts another one.
     """
