@@ -11,14 +11,10 @@ from typing import Any
 
 # in the data of a reply: bodies that the arm has met, or that a sensor has seen
 BODIES_SEEN = "seen"
-OBSTRUCTED_REPLIES = (
-    # the reply of an arm that something has stopped: it is where it was before the step
-    "obstructed"
-)
-NO_MOTION = (
-    # what a step has for a reply that is not sent, because no motion is found for it any more
-    "no_motion"
-)
+# the reply of an arm that something has stopped: it is where it was before the step
+OBSTRUCTED_REPLIES = "obstructed"
+# what a step has for a reply that is not sent, because no motion is found for it any more
+NO_MOTION = "no_motion"
 PROTOCOL_VERSION = 1  # of commands, replies and records; whoever reads a greater number refuses it
 
 

@@ -245,9 +245,9 @@ class Timetable:
 
     `shop` has a stage for each block of steps that serves an object, or for each step. `scope` says
     among what the makespan is the least, if that is proved. `note` says why steps are not scheduled
-    as blocks, if they are not; `overstays` are things that stay too long in a place. `missed` are
-    the measurements that begin outside their windows, each with when it begins after the start of
-    the tour.
+    as blocks, if they are not; `overstays` are things that stay too long in a place. No plan at all
+    ends before `floor`, as far as that is known. `missed` are the measurements that begin outside
+    their windows, each with when it begins after the start of the tour.
     """
 
     plan: Plan
@@ -259,3 +259,4 @@ class Timetable:
     overstays: tuple[Overstay, ...] = ()
     missed: Mapping[str, int] = field(default_factory=dict)
     statistics: Statistics = field(default_factory=Statistics)
+    floor: int = 0

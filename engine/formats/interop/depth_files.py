@@ -19,10 +19,8 @@ from cellwright.kb.files import foreign_bytes
 
 MAX_DEPTH_BYTES = 256 * 2**20
 PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write it
-MAX_DEPTH_M = (
-    # a coordinate of a measured point; squares of much larger ones leave no digits for millimetres
-    1e6
-)
+# a coordinate of a measured point; squares of much larger ones leave no digits for millimetres
+MAX_DEPTH_M = 1e6
 MIN_DEPTH_M = 1e-6  # in front of a camera
 PLY_TYPES = {
     "float": "f4",

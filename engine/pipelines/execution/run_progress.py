@@ -199,10 +199,8 @@ PLACED_KINDS = (
     CommandKind.REPAIR,
 )  # commands that may move along the part
 RECORDS_PER_CHECKPOINT = 5_000  # records from one checkpoint to the next
-NOTICED_MS = (
-    # by which a step may end later or sooner than forecast before the plan is looked at again
-    30_000
-)
+# by which a step may end later or sooner than forecast before the plan is looked at again
+NOTICED_MS = 30_000
 FORECAST_MISSED = "steps take longer or less than was forecast"
 GROWING_KEYS = (
     "steps",

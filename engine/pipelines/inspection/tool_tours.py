@@ -22,11 +22,9 @@ from cellwright.kb.model.operator_amounts import Facts
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Number, Term, Text
 
-MAX_STATION_SETS = (
-    # stations of which every set is tried; of more, the one that serves most of the rest is taken
-    # next
-    12
-)
+# stations of which every set is tried; of more, the one that serves most of the rest is taken
+# next
+MAX_STATION_SETS = 12
 
 
 def stations_of(

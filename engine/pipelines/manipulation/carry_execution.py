@@ -18,10 +18,8 @@ from cellwright.engine.pipelines.manipulation.place_answers import Carry, PathLe
 from cellwright.engine.stages.grasping.hole_insertion import HoleSearch, Insertion
 
 GUARD_N = 15.0  # a push that stops the hand on its way to a part
-NARROW_M = (
-    # fingers that close farther than this below the part's width hold something else, or nothing
-    0.003
-)
+# fingers that close farther than this below the part's width hold something else, or nothing
+NARROW_M = 0.003
 LOST_S = 0.05  # a finger may leave a part for less, as when it is set down
 SEARCH_WIDENING = 2.0  # times what was doubted: a second search
 SHORT_M = 0.004  # a hand that stays so far before its goal has met something there

@@ -191,10 +191,8 @@ def plane_poses(way: Floats | Sequence[Floats]) -> Floats:
 
 LIFT_M = 0.08
 MAX_MOTION_CONFIGURATIONS = 20_000  # configurations that the search for one motion looks at
-MOTION_MARGIN_M = (
-    # from everything, on motions between: servos lag a little, and a part may sit askew in the hand
-    0.005
-)
+# from everything, on motions between: servos lag a little, and a part may sit askew in the hand
+MOTION_MARGIN_M = 0.005
 MARGIN_BUDGET = 5_000  # configurations that a search with the margin looks at
 MAX_END_CONFIGURATIONS = 3  # configurations that are tried for an end
 

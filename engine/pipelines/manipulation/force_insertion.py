@@ -31,10 +31,8 @@ BESIDE_N, LAGS_M = (
     4.0,
     0.003,
 )  # a push from the side that is more than friction, and how far the servos' aim may be ahead
-PULL_RATE = (
-    # 1/s: friction holds a part that is led across a surface back, until the servos have caught up
-    2.0
-)
+# 1/s: friction holds a part that is led across a surface back, until the servos have caught up
+PULL_RATE = 2.0
 ALONG_M_S = 0.0025  # on the spiral: the servos of an arm lag
 PRESS_N = 6.0  # a part that is pressed harder leans between the pads
 SPIRAL_PITCH = 0.6  # of the room: the turns of the spiral, as the part gives way between the pads

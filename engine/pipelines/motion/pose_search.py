@@ -30,11 +30,9 @@ from cellwright.kb.model.cell_model import Measuring, Patch, Place, Placement, R
 
 MAX_KEPT_WAYS = 6  # ways that are kept of a place
 MAX_TRIED_WAYS = 48  # free configurations whose way in is looked at
-OF_A_BRANCH = (
-    # ways that are kept of one branch: an arm with a large tool may not get from one branch to
-    # another
-    2
-)
+# ways that are kept of one branch: an arm with a large tool may not get from one branch to
+# another
+OF_A_BRANCH = 2
 WAYS_AT_ONCE = 8  # of them, those that are looked at together
 
 

@@ -31,7 +31,8 @@ from cellwright.engine.pipelines.planning.timetable import (
     without_spares,
 )
 from cellwright.engine.pipelines.planning.timetable.block_schedule import operators_of
-from cellwright.engine.pipelines.planning.timetable.kept_order import MAX_SCHEDULED_STEPS
+from cellwright.engine.pipelines.planning.timetable.flowing import PLANS, by_flow
+from cellwright.engine.pipelines.planning.timetable.kept_order import LONGEST, MAX_SCHEDULED_STEPS
 from cellwright.engine.pipelines.planning.timetable.step_order import least_makespan
 from cellwright.engine.stages.planning import SearchLimits, plan_task
 from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps
@@ -114,8 +115,9 @@ def _end_state(task: GroundTask, steps: Sequence[GroundOperator]) -> Bits:
 SOLVER_WORK_S = 3.0  # of the solver, about seconds of one core
 OTHER_MEANS_WORK_S = 2.0  # at most of it, and a sixth, spent on other means
 SOON_EXPANSIONS = 5_000  # expansions after which no second plan is looked for
+# of the work for each object, if many are scheduled, and for all of them
+PER_OBJECT, MOST_WORK = 0.25, 25.0
 OTHER_PLAN_EXPANSIONS = 2_000  # expansions that a second plan may take
-SCOPE_ALL_PLANS = "of all plans"
 
 
 def search_least_makespan(
@@ -130,7 +132,7 @@ def search_least_makespan(
     """
     work = work or ScheduleLimits(SOLVER_WORK_S, limits.seed, interrupted=limits.interrupted)
     bound = least_makespan(task)
-    if len(outcome.plan.steps) > MAX_SCHEDULED_STEPS:
+    if len(outcome.plan.steps) > (LONGEST if problem.chains else MAX_SCHEDULED_STEPS):
         return _with_bound(keep_plan_order(problem, outcome.plan), bound), None
     own = own_order(problem, task, outcome.plan)
     if own.schedule.makespan <= bound and not own.overstays:
@@ -156,16 +158,38 @@ def search_least_makespan(
         own,
         *(timetable for timetable in timetables if isinstance(timetable, Timetable)),
     ]
+    best = min(found_timetables, key=timetable_value)
+    if (flowing := _flowing(problem, best, bound, work)) is not None:
+        return flowing, None
     refused = next(
         (timetable for timetable in timetables if not isinstance(timetable, Timetable)), None
     )
-    return _as_named(
-        problem,
-        task,
-        _with_bound(min(found_timetables, key=timetable_value), bound),
-        bound,
-        choosing,
-    ), refused
+    return _as_named(problem, task, _with_bound(best, bound), bound, choosing), refused
+
+
+def effort(limits: SearchLimits, objects: int) -> ScheduleLimits:
+    """The work of a schedule of many objects: more for more of them."""
+    return ScheduleLimits(
+        max(SOLVER_WORK_S, min(MOST_WORK, PER_OBJECT * objects)),
+        limits.seed,
+        interrupted=limits.interrupted,
+    )
+
+
+def _flowing(
+    problem: Problem, best: Timetable, bound: int, work: ScheduleLimits
+) -> Timetable | None:
+    """The timetable of objects that choose their ways while they are scheduled, if it is better
+    than the best of other plans.
+    """
+    if (best.schedule.makespan <= bound and not best.overstays) or not problem.chains:
+        return None
+    if best.schedule.proved and len({chain.subject for chain in problem.chains}) == 1:
+        return None  # one object has nothing to wait for, and other plans of it were tried
+    made = by_flow(problem, work)
+    if not isinstance(made, Timetable) or timetable_value(made)[:3] >= timetable_value(best)[:3]:
+        return None
+    return made
 
 
 def _as_named(
@@ -219,9 +243,7 @@ def _with_bound(timetable: Timetable, bound: int) -> Timetable:
     if timetable.schedule.makespan > bound or timetable.schedule.tardiness:
         return timetable
     return replace(
-        timetable,
-        schedule=replace(timetable.schedule, lower_bound=bound, proved=True),
-        scope=SCOPE_ALL_PLANS,
+        timetable, schedule=replace(timetable.schedule, lower_bound=bound, proved=True), scope=PLANS
     )
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # schedules take a while to load, and only plans whose steps 
     from cellwright.engine.pipelines.planning.decomposition import Itinerary, MacroMemory
     from cellwright.engine.stages.scheduling import ScheduleLimits
 
+FEW = 12  # objects of a workflow, for which a plan is made first as well
 MAX_PROVED_INSTANCES = (
     500  # instances of operators of a problem whose sequence the planner may prove to be cheapest
 )
@@ -82,8 +83,34 @@ def plan_for_objective(
     )
     if followed is not None:
         return followed
+    if (
+        not cheap
+        and order is SequenceChoice.SEQUENCE
+        and (flowing := _flowing(problem, limits)) is not None
+    ):
+        if isinstance(flowing, Infeasible):
+            return Run(flowing)
+        return Run(Found(flowing.plan, flowing.statistics), flowing)
     outcome, task = plan_and_ground(problem, limits, ordered=not problem.chains)
     return _run_of_outcome(problem, task, outcome, limits, objective)
+
+
+def _flowing(
+    problem: Problem, limits: SearchLimits, work: "ScheduleLimits | None" = None
+) -> "Timetable | Infeasible | None":
+    """The timetable of many objects that are scheduled without a plan made first; None for few, and
+    where that leads to none.
+
+    Or that what is there does not suffice for all of them.
+    """
+    subjects = {chain.subject for chain in problem.chains}
+    if len(subjects) <= FEW:
+        return None
+    from cellwright.engine.pipelines.planning import makespan_plans
+    from cellwright.engine.pipelines.planning.timetable.flowing import by_flow
+
+    made = by_flow(problem, work or makespan_plans.effort(limits, len(subjects)))
+    return None if isinstance(made, str) else made
 
 
 def plan_sequence(
@@ -161,6 +188,11 @@ def plan_fastest(
     followed = plan_sequence(problem, limits)
     if followed is not None:
         return _sequence_timetable(problem, followed, started)
+    if (flowing := _flowing(problem, limits, work)) is not None:
+        if isinstance(flowing, Infeasible):
+            return flowing
+        seconds = {**flowing.statistics.seconds, "in all": time.perf_counter() - started}
+        return replace(flowing, statistics=Statistics(flowing.statistics.counts, seconds))
     outcome, task = plan_and_ground(problem, limits)
     if not isinstance(outcome, Found):
         return outcome

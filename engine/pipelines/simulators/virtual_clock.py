@@ -44,11 +44,9 @@ if TYPE_CHECKING:
     from cellwright.engine.pipelines.simulators.unmodelled import UnmodelledThings
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
-MAX_REMEMBERED_COMMANDS = (
-    # of the last commands it is known what they were and how they ended; nobody asks about older
-    # ones
-    10_000
-)
+# of the last commands it is known what they were and how they ended; nobody asks about older
+# ones
+MAX_REMEMBERED_COMMANDS = 10_000
 
 
 @dataclass

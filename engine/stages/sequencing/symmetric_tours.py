@@ -127,10 +127,8 @@ MIN_SEARCHED_CITIES = 8  # fewer cities are left to the exact methods
 KICKS_SLICE = 2000  # kicks, or cities that are looked at, between two questions whether to stop
 WARM, COLD = 2.0, 0.1  # times the mean edge, at the beginning and the end of each annealing
 FIRST, LONGEST = 10, 40  # kicks for each city in the first annealing, and in the longest
-MIN_HUGE_CITIES = (
-    # from this number of cities on, a first annealing that is hardly warm comes before all others
-    20_000
-)
+# from this number of cities on, a first annealing that is hardly warm comes before all others
+MIN_HUGE_CITIES = 20_000
 MERGED_TOURS = 6  # that are merged
 TOUR_CANDIDATES = 7  # candidates of each city
 ASCENT_STEPS = 300  # of the ascent over a matrix if no proof is tried; fewer if each takes long

@@ -7,6 +7,7 @@ from functools import cached_property
 
 from cellwright.engine.stages.validation.chain_progress import ChainProgress
 from cellwright.engine.stages.validation.checker_facts import CheckerFacts
+from cellwright.engine.stages.validation.step_changes import Denial
 from cellwright.engine.stages.validation.step_interference import (
     ExecutedStep,
     StepInterference,
@@ -16,8 +17,10 @@ from cellwright.engine.stages.validation.step_interference import (
 from cellwright.kb.model.domain_model import Kind
 from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, CausalLink, StepId
 from cellwright.kb.model.planning_problem import Chain, reaches_stage
-from cellwright.kb.terms import Atom, Function, Number, Text, stage_parts
+from cellwright.kb.terms import Atom, Function, Number, Term, Text, Variable, is_ground, stage_parts
 from cellwright.kb.terms import match_term as matched
+
+Region = tuple[str, Term | None]
 
 
 @dataclass
@@ -126,13 +129,18 @@ class CausalLinks:
         order.
         """
         first, last = self.plan.order.between(link.producer, link.consumer)
-        lists = (self._denying[0].get(atom, ()), self._denying[1].get(atom.name, ()))
+        single, any_of = self._denying
+        begins = {None, *atom.arguments[:1]}
+        lists = (
+            single.get(atom, ()),
+            *(any_of.get((atom.name, own_places), ()) for own_places in begins),
+        )
         places = lists if positive else (self._adding.get(atom, ()),)
         meddling = {
             p
-            for own_places in places
-            if own_places
-            for p in own_places[bisect_left(own_places, first) : bisect_left(own_places, last)]
+            for each in places
+            if each
+            for p in each[bisect_left(each, first) : bisect_left(each, last)]
         }
         ends = self._ends(link)
         meddling.difference_update(ends)
@@ -172,23 +180,26 @@ class CausalLinks:
         return places_by_atom
 
     @cached_property
-    def _denying(self) -> tuple[dict[Atom, list[int]], dict[str, list[int]]]:
-        """For each atom the places of the steps that deny just it; for each predicate those
-        that may deny its atoms.
+    def _denying(self) -> tuple[dict[Atom, list[int]], dict[Region, list[int]]]:
+        """For each atom the places of the steps that deny just it; for each predicate those that
+        may deny its atoms.
+
+        The latter are apart by the first argument of what they deny, and under None if it may be
+        any.
         """
         single: dict[Atom, list[int]] = {}
-        any_of: dict[str, list[int]] = {}
+        any_of: dict[Region, list[int]] = {}
         for place, executed in enumerate(self._executed):
             for pattern in {
                 denial.pattern for denial in executed.change.denials if denial.consequence is None
             }:
                 single.setdefault(pattern, []).append(place)
-            for name in {
-                denial.pattern.name
+            for region in {
+                _region_of(denial)
                 for denial in executed.change.denials
                 if denial.consequence is not None
             }:
-                any_of.setdefault(name, []).append(place)
+                any_of.setdefault(region, []).append(place)
         return single, any_of
 
     def _produces(self, producer: StepId, atom: Atom, positive: bool) -> bool:
@@ -258,6 +269,15 @@ class CausalLinks:
         }
         stages = {stage for stage in stages if stage.name in fluents}
         return {*self.plan.mentioned(problem.goal, {}), *stages}
+
+
+def _region_of(denial: Denial) -> Region:
+    """The predicate of what is denied, and its first argument if that is certain."""
+    if not denial.pattern.arguments:
+        return denial.pattern.name, None
+    first = denial.pattern.arguments[0]
+    known = dict(denial.bindings).get(first, first) if isinstance(first, Variable) else first
+    return denial.pattern.name, known if is_ground(known) else None
 
 
 def _atoms_among(atoms: CheckerFacts, patterns: set[Atom]) -> set[Atom]:

@@ -80,10 +80,8 @@ def _usual_strength(image: RangeImage, used: Truths) -> Floats:
 
 # off the plane of the measured point: what is expected so near belongs to its surface
 SAME_M = 2e-4
-MISPLACED_M = (
-    # how far the part may lie from where it is expected: a patch keeps off edges by this much
-    0.002
-)
+# how far the part may lie from where it is expected: a patch keeps off edges by this much
+MISPLACED_M = 0.002
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,10 +95,8 @@ class CommandWatch:
         self.heard = self.answered = self.roused = False
         self.pressed = False  # whether Ctrl-C was, and is heard by the command
         self.asked = False  # whether the command is at work on its answer, and may be interrupted
-        self.waiting = (
-            # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
-            False
-        )
+        # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
+        self.waiting = False
         self.time_is_up: Callable[[], None] | None = None
 
     def is_time_up(self) -> bool:

@@ -21,11 +21,9 @@ LONGEST, MARGIN, LINE = 860.0, 30.0, 18.0
 MAX_NAMED_VISITS = 60  # visits that are named; of longer tours, the first and the last
 VISIT_RADIUS = 3.0  # radius of a visit
 TOOL_CHANGE_COLOUR = "#9a9fa8"  # ways on which the tool is changed
-MAX_FLAT_SHARE = (
-    # points lie in a plane if they spread across it less than this share of what they spread along
-    # it
-    0.5
-)
+# points lie in a plane if they spread across it less than this share of what they spread along
+# it
+MAX_FLAT_SHARE = 0.5
 LETTER_WIDTH = 6.5  # pixels of a letter, on average
 MAX_UPRIGHT_COSINE = 0.95  # the cosine of the steepest slope that is still seen from above
 

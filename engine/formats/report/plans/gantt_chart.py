@@ -290,9 +290,14 @@ def _time_ticks(makespan: int, scale: float, width: int, unit: str) -> str:
     return f"{''.join(line).rstrip()} {unit}".rstrip()
 
 
-def schedule_summary(schedule: Schedule, unit: str = "", scope: str = "") -> str:
-    """Makespan, bound and proof in one line; `scope` says among what it is the least."""
+def schedule_summary(schedule: Schedule, unit: str = "", scope: str = "", floor: int = 0) -> str:
+    """Makespan, bound and proof in one line; `scope` says among what it is the least. No plan
+    ends before `floor`.
+    """
     late = f", weighted tardiness {schedule.tardiness}" if schedule.tardiness else ""
+    late += (
+        f"; no plan ends before {floor} {unit}".rstrip() if 0 < floor < schedule.makespan else ""
+    )
     if schedule.proved:
         return f"makespan {schedule.makespan} {unit}, proved to be the least {scope}{late}".replace(
             " ,", ","
@@ -303,7 +308,7 @@ def schedule_summary(schedule: Schedule, unit: str = "", scope: str = "") -> str
 
 def timetable_chart(timetable: Timetable, unit: str) -> list[RenderableType]:
     """The chart of a timetable, its makespan, and why it has a row for each step where it has."""
-    parts = charted_shop(timetable.shop, timetable.schedule, unit, timetable.scope)
+    parts = charted_shop(timetable.shop, timetable.schedule, unit, timetable.scope, timetable.floor)
     notes = [kept_order(timetable)] if timetable.note else []
     return [
         *parts,
@@ -321,15 +326,22 @@ def kept_order(timetable: Timetable) -> str:
 
 
 def charted_shop(
-    shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP
+    shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP, floor: int = 0
 ) -> list[RenderableType]:
     """The chart of a schedule, and its makespan."""
-    return [GanttChart(shop, schedule, unit), Text(), Text(schedule_summary(schedule, unit, scope))]
+    return [
+        GanttChart(shop, schedule, unit),
+        Text(),
+        Text(schedule_summary(schedule, unit, scope, floor)),
+    ]
 
 
-def proof_entry(schedule: Schedule, scope: str = SHOP) -> dict[str, Any]:
-    """The makespan and what is proved of it, for programs."""
+def proof_entry(schedule: Schedule, scope: str = SHOP, floor: int = 0) -> dict[str, Any]:
+    """The makespan and what is proved of it, for programs; with `floor` also before when no
+    plan ends.
+    """
     return {
+        **({"all_plans": floor} if floor else {}),
         "makespan": schedule.makespan,
         "lower_bound": schedule.lower_bound,
         "gap": round(schedule.gap, 6),
@@ -339,7 +351,7 @@ def proof_entry(schedule: Schedule, scope: str = SHOP) -> dict[str, Any]:
 
 
 def schedule_entry(
-    shop: Shop, schedule: Schedule, scope: str = SHOP, staged: bool = True
+    shop: Shop, schedule: Schedule, scope: str = SHOP, staged: bool = True, floor: int = 0
 ) -> dict[str, Any]:
     """A schedule for programs: totals, stages in the order of their starts if `staged`, and
     changes of devices.
@@ -365,7 +377,7 @@ def schedule_entry(
         for adjustment in sorted(schedule.adjustments, key=lambda adjusted: adjusted.start)
     ]
     return {
-        **proof_entry(schedule, scope),
+        **proof_entry(schedule, scope, floor),
         "tardiness": schedule.tardiness,
         **({"stages": sorted(stages, key=_by_start)} if staged else {}),
         "changes": changes,

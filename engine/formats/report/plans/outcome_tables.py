@@ -285,7 +285,9 @@ def plan_table(
             schedule_summary,
         )
 
-        summary_parts.append(schedule_summary(timetable.schedule, unit, timetable.scope))
+        summary_parts.append(
+            schedule_summary(timetable.schedule, unit, timetable.scope, timetable.floor)
+        )
         chart = [Text(), GanttChart(timetable.shop, timetable.schedule, unit), Text()]
         chart += [Text(kept_order(timetable))] if timetable.note else []
     elif timed:

@@ -46,7 +46,8 @@ def plan_answer_content(plan_answer: PlanAnswer, stats: bool) -> dict[str, Any]:
         content |= itinerary_report.itinerary_entry(run)
     content |= _unmet_times(plan_answer).entry()
     if run.timetable:
-        content["makespan"] = proof_entry(run.timetable.schedule, run.timetable.scope)
+        table = run.timetable
+        content["makespan"] = proof_entry(table.schedule, table.scope, table.floor)
     if stats:
         content["statistics"] = json_answers.statistics_entry(run.outcome.statistics)
     if plan_answer.moving is None:

@@ -121,12 +121,14 @@ def schedule_content(schedule_answer: ScheduleAnswer, stats: bool = False) -> di
 def _of_plan(schedule_answer: ScheduleAnswer, table: Timetable, problem: Problem) -> dict[str, Any]:
     from cellwright.engine.formats.report import json_answers
     from cellwright.engine.formats.report.plans.gantt_chart import bottleneck_entry, schedule_entry
-    from cellwright.engine.pipelines.planning.timetable.kept_order import MAX_SCHEDULED_STEPS
+    from cellwright.engine.pipelines.planning.timetable.kept_order import (
+        MAX_SCHEDULED_STEPS,
+        SCOPE_KEPT_ORDER,
+    )
 
     planned = json_answers.outcome_entry(Found(table.plan), problem, starts=table.starts)["plan"]
-    entry = schedule_entry(
-        table.shop, table.schedule, table.scope, staged=len(table.plan.steps) <= MAX_SCHEDULED_STEPS
-    )
+    staged = table.scope != SCOPE_KEPT_ORDER or len(table.plan.steps) <= MAX_SCHEDULED_STEPS
+    entry = schedule_entry(table.shop, table.schedule, table.scope, staged, table.floor)
     bounded = bottleneck_entry(table)
     return {
         "schedule": entry,

@@ -30,11 +30,9 @@ from cellwright.kb.model.domain_model import OBJECT_TYPE
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import ANYTHING, Function
 
-SEQUENCE_PROOF = (
-    # work of the solver, about seconds: a plan does not wait longer for the proof of a tour with
-    # windows
-    5.0
-)
+# work of the solver, about seconds: a plan does not wait longer for the proof of a tour with
+# windows
+SEQUENCE_PROOF = 5.0
 
 Run = tuple[int, ...]  # places of visits that follow one another with one tool from one station
 

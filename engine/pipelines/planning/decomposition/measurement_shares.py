@@ -155,10 +155,8 @@ def levelled_tour(problem: TourProblem, levels: Mapping[str, int]) -> TourProble
     return replace(problem, visits=tuple(visits))
 
 
-BEGIN_PREFIX = (
-    # what the visit is called at which an arm begins; no measurement has a space in its name
-    "begin of "
-)
+# what the visit is called at which an arm begins; no measurement has a space in its name
+BEGIN_PREFIX = "begin of "
 NO_VISITS: Mapping[str, Visit] = {}
 PROOF_WORK_S = 5.0  # work of the solver for a tour with windows, about seconds
 

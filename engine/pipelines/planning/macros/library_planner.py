@@ -51,18 +51,14 @@ from cellwright.kb.store.lookup_counts import UNPAID
 from cellwright.kb.terms import sort_naturally
 
 LONG_SEARCH = 5_000  # a search of so many expansions is long: it is worth while to avoid it
-SMALL = (
-    # operators of a task that is planned at once, if it was grounded for another problem of its
-    # cell
-    1_000
-)
+# operators of a task that is planned at once, if it was grounded for another problem of its
+# cell
+SMALL = 1_000
 SOON = 2_000  # expansions of a search that answers at once
 # a reused plan that may cost more than so many times the least is compared with the planner's
 RATIO = 1.1
-MAX_LEARNED_STEPS = (
-    # the most steps of a plan that is learned: the time of generalising grows with their square
-    100
-)
+# the most steps of a plan that is learned: the time of generalising grows with their square
+MAX_LEARNED_STEPS = 100
 # the most that a composed plan may cost and last, relative to the planner's
 DEARER, LONGER = 1.05, 1.1
 

@@ -29,6 +29,7 @@ from cellwright.engine.pipelines.planning.timetable.block_schedule import (
     operators_of as operators_of,
 )
 from cellwright.engine.pipelines.planning.timetable.kept_order import (
+    LONGEST,
     MAX_SCHEDULED_STEPS,
     order_keeping_timetable,
 )
@@ -69,7 +70,7 @@ def make_timetable(
     Raises `InvalidInput`.
     """
     started = time.perf_counter()
-    if plan is not None and len(plan.steps) > MAX_SCHEDULED_STEPS:
+    if plan is not None and len(plan.steps) > (LONGEST if problem.chains else MAX_SCHEDULED_STEPS):
         long = keep_plan_order(problem, _checked_plan(PlanGate(), problem, plan))
         return replace(long, statistics=Statistics({}, {"in all": time.perf_counter() - started}))
     outcome, task = (
@@ -221,11 +222,8 @@ def keep_plan_order(problem: Problem, plan: Plan) -> Timetable:
     """A checked plan in its own order, with the travel between its steps; nothing is grounded
     or searched.
     """
-    long = (
-        f"more than {MAX_SCHEDULED_STEPS} steps keep their order"
-        if len(plan.steps) > MAX_SCHEDULED_STEPS
-        else ""
-    )
+    most = LONGEST if problem.chains else MAX_SCHEDULED_STEPS
+    long = f"more than {most} steps keep their order" if len(plan.steps) > most else ""
     return order_keeping_timetable(
         problem, plan, wishes_for(PlanGate().semantics(problem), plan), long
     )
@@ -233,7 +231,7 @@ def keep_plan_order(problem: Problem, plan: Plan) -> Timetable:
 
 def own_order(problem: Problem, task: GroundTask, plan: Plan) -> Timetable:
     """A checked plan with every step as early as its own order allows."""
-    if len(plan.steps) > MAX_SCHEDULED_STEPS:
+    if len(plan.steps) > (LONGEST if problem.chains else MAX_SCHEDULED_STEPS):
         return keep_plan_order(problem, plan)
     wishes = wishes_for(PlanGate().semantics(problem), plan)
     if wishes.any:

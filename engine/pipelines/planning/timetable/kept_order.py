@@ -31,7 +31,10 @@ from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Term
 
-MAX_SCHEDULED_STEPS = 400  # steps; longer plans keep their order
+MAX_SCHEDULED_STEPS = 400  # steps; longer plans without a workflow keep their order
+# steps of a workflow; longer plans keep their order where their objects cannot be scheduled by
+# themselves
+LONGEST = 4_000
 SCOPE_KEPT_ORDER = "of all schedules that keep this order of the steps"
 
 

@@ -99,14 +99,10 @@ DEFAULT_FRICTION = 0.8
 # How much stiffer friction is than what presses: with soft friction, what is gripped creeps, at a
 # speed that falls as this grows.
 IMPEDANCE_RATIO = 30
-TWIST_FRICTION = (
-    # m: friction against turning on a spot as wide as a finger's pad, and against rolling
-    "0.02 0.0001"
-)
-FIRM_CONTACT = (
-    # how contacts give way: as little as the time step allows
-    'solref="0.004 1" solimp="0.95 0.99 0.0005"'
-)
+# m: friction against turning on a spot as wide as a finger's pad, and against rolling
+TWIST_FRICTION = "0.02 0.0001"
+# how contacts give way: as little as the time step allows
+FIRM_CONTACT = 'solref="0.004 1" solimp="0.95 0.99 0.0005"'
 
 
 def mujoco_xml(world: GeometricWorld) -> str:

@@ -89,10 +89,8 @@ def _same_joints(first: CollisionScene, second: CollisionScene) -> bool:
 
 
 HAND_COVER = "the box around the hand"
-COVER_SAMPLES = (
-    # places between start and goal at which the box is measured; it grows by what moves in between
-    33
-)
+# places between start and goal at which the box is measured; it grows by what moves in between
+COVER_SAMPLES = 33
 UNIT_BOX_CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 
 

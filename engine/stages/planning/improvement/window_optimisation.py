@@ -116,10 +116,8 @@ def _steps_price(steps: Sequence[GroundOperator]) -> int:
 Steps = list[GroundOperator]
 NARROW_WINDOWS = ((6, 500), (12, 1500))  # (steps in a window, nodes that may be generated for it)
 FIRST_WINDOW_STEPS = 12  # steps in the first windows that grow by half in each round
-FIRST_WINDOW_WORK = (
-    # conflicts of a solver, or expansions of a search, for such a window; they grow by half, too
-    1000
-)
+# conflicts of a solver, or expansions of a search, for such a window; they grow by half, too
+FIRST_WINDOW_WORK = 1000
 MAX_WINDOW_WORK = 1_000_000
 
 

@@ -1,0 +1,174 @@
+"""Work that flows through a cell: many objects, each on a route of acts, over places and machines
+that they share.
+
+A route has layers; one act of each layer is done, one after another. Which one is a choice: another
+machine, arm or place. An act leads from one node to another, and the act of the next layer begins
+at that node. Times are integers.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+FOREVER = 1 << 40  # later than any time
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """One unit of a resource is held from `begin` to `end` of an act, both counted from its
+    start.
+    """
+
+    resource: str
+    begin: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Take:
+    """A place is taken from `begin` of an act on; the object is there at `came`."""
+
+    place: str
+    begin: int
+    came: int
+
+
+@dataclass(frozen=True, slots=True)
+class Leave:
+    """An object begins to leave a place at `left` of an act; the place is free again at `end`."""
+
+    place: str
+    left: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """Steps without a break, from `before` to `after`. A place that is taken is held until an act
+    leaves it.
+
+    `number` is its place in its layer.
+    """
+
+    name: str
+    duration: int
+    before: int
+    after: int
+    number: int = 0
+    uses: tuple[Use, ...] = ()
+    takes: tuple[Take, ...] = ()
+    leaves: tuple[Leave, ...] = ()
+    cost: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """Layers of acts from node 0 on.
+
+    `held` are places that the object has at the start, `stays` the longest stays in places.
+    """
+
+    layers: tuple[tuple[Act, ...], ...]
+    held: tuple[str, ...] = ()
+    stays: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """An object on a route.
+
+    It begins after `release`; each unit of time after `due` costs `priority`.
+    """
+
+    name: str
+    route: int
+    release: int = 0
+    due: int | None = None
+    priority: int = 1
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Items on routes, and the capacity of each resource and place; what has no capacity is not
+    shared.
+    """
+
+    routes: tuple[Route, ...]
+    items: tuple[Item, ...]
+    capacity: Mapping[str, int]
+
+    def route(self, item: int) -> Route:
+        """The route of an item."""
+        return self.routes[self.items[item].route]
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """The acts that an item does, one of each layer, and when each starts."""
+
+    acts: tuple[Act, ...]
+    starts: tuple[int, ...]
+
+    @property
+    def end(self) -> int:
+        """The end of the last act."""
+        return self.starts[-1] + self.acts[-1].duration if self.acts else 0
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A place is held from act `first` (None: from the start) to act `last` (None: for ever) of
+    a course.
+    """
+
+    place: str
+    first: int | None
+    begin: int
+    came: int
+    last: int | None
+    left: int
+    end: int
+
+
+def holds_of_course(acts: Sequence[Act], held: Sequence[str]) -> list[Held]:
+    """The places that acts one after another hold.
+
+    Places that are taken and not left are held for ever.
+    """
+    waiting = {place: Held(place, None, 0, 0, None, 0, 0) for place in held}
+    found: list[Held] = []
+    for number, act in enumerate(acts):
+        for leave in act.leaves:
+            taken = waiting.pop(leave.place)
+            found.append(
+                Held(
+                    leave.place, taken.first, taken.begin, taken.came, number, leave.left, leave.end
+                )
+            )
+        for take in act.takes:
+            waiting[take.place] = Held(take.place, number, take.begin, take.came, None, 0, 0)
+    return [*found, *waiting.values()]
+
+
+@dataclass(frozen=True, slots=True)
+class Flowed:
+    """The course of each item, in the order of the items; no schedule of these routes is
+    shorter than `lower_bound`.
+    """
+
+    courses: tuple[Course, ...]
+    lower_bound: int = 0
+    proved: bool = False
+
+    @property
+    def makespan(self) -> int:
+        """The end of the last act."""
+        return max((course.end for course in self.courses), default=0)
+
+
+def lateness_of(flow: Flow, courses: Sequence[Course]) -> int:
+    """The weighted sum of how late items end."""
+    return sum(
+        item.priority * max(0, course.end - item.due)
+        for item, course in zip(flow.items, courses, strict=True)
+        if item.due is not None
+    )

@@ -1,0 +1,152 @@
+"""What is taken when, and the earliest courses that fit between it.
+
+For acts that are chosen, everything that is asked of their starts can only be mended by starting
+later: what comes before must have ended, a resource must be free, a place must be free from when it
+is taken to when it is left, and nothing may stay too long, so it comes later. So there is one
+earliest course, which raising starts until all is right finds. A course holds places from end to
+end, so that no two objects can wait for each other's places.
+"""
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from cellwright.engine.kernels.taken import Row, Taken
+from cellwright.engine.model.flow import FOREVER, Act, Course, Flow, Route, holds_of_course
+
+WIDTH = 6  # beginnings of a course that are kept
+
+
+@dataclass
+class Board:
+    """The courses that are settled, and what they take."""
+
+    flow: Flow
+    courses: dict[int, Course] = field(default_factory=dict)
+    rows: dict[tuple[int, tuple[int, ...]], Row] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.number = {name: n for n, name in enumerate(self.flow.capacity)}
+        self.taken = Taken(list(self.flow.capacity.values()))
+        for number in range(len(self.flow.items)):
+            self._stand(number, 1)
+
+    def _stand(self, item: int, change: int) -> None:
+        """An item that has no course holds its places at the start for ever."""
+        for place in self.flow.route(item).held:
+            if place in self.number:
+                self.taken.add(self.number[place], 0, FOREVER, change)
+
+    def settle(self, item: int, course: Course) -> None:
+        """Give an item its course."""
+        self._stand(item, -1)
+        self._mark(item, course, 1)
+        self.courses[item] = course
+
+    def remove(self, item: int) -> Course:
+        """Take an item off the board."""
+        course = self.courses.pop(item)
+        self._mark(item, course, -1)
+        self._stand(item, 1)
+        return course
+
+    def _mark(self, item: int, course: Course, change: int) -> None:
+        if course.acts:
+            number = self.flow.items[item].route
+            row = self._row_of(number, self.flow.route(item), course.acts)
+            self.taken.mark(row, array("q", course.starts), change)
+
+    def earliest(self, item: int, soonest: int = 0, latest: int = FOREVER) -> Course | None:
+        """The course that ends first among those found, not begun before `soonest`; None if
+        none ends before `latest`.
+        """
+        own, route = self.flow.items[item], self.flow.route(item)
+        self._stand(item, -1)
+        found = self._beam(own.route, route, max(soonest, own.release), latest)
+        self._stand(item, 1)
+        return found
+
+    def _beam(self, number: int, route: Route, soonest: int, latest: int) -> Course | None:
+        kept: list[tuple[tuple[Act, ...], list[int]]] = [((), [])]
+        last = len(route.layers) - 1
+        for place, layer in enumerate(route.layers):
+            # nothing is chosen here; what follows finds the times
+            if len(layer) == 1 and place < last:
+                kept = [
+                    ((*acts, layer[0]), starts) for acts, starts in kept if _leads(acts, layer[0])
+                ]
+                continue
+            made = []
+            for acts, starts in kept:
+                for act in layer:
+                    if not _leads(acts, act):
+                        continue
+                    longer = (*acts, act)
+                    begun = [*starts, *[soonest] * (len(longer) - len(starts))]
+                    times = self._raised(number, route, longer, begun)
+                    if times is not None and times[-1] + act.duration < latest:
+                        made.append((longer, times))
+            made.sort(key=lambda each: (each[1][-1] + each[0][-1].duration, sum(each[1])))
+            kept = made[:WIDTH]
+        return Course(kept[0][0], tuple(kept[0][1])) if kept else None
+
+    def moved(self, item: int, acts: tuple[Act, ...], soonest: int = 0) -> Course | None:
+        """The earliest course of these acts."""
+        own, route = self.flow.items[item], self.flow.route(item)
+        self._stand(item, -1)
+        times = self._raised(own.route, route, acts, [max(soonest, own.release)] * len(acts))
+        self._stand(item, 1)
+        return None if times is None else Course(acts, tuple(times))
+
+    def _raised(
+        self, number: int, route: Route, acts: Sequence[Act], starts: Sequence[int]
+    ) -> list[int] | None:
+        """The least starts that fit, not below these; None if there are none."""
+        if not acts:
+            return []
+        row, times = self._row_of(number, route, acts), array("q", starts)
+        return list(times) if self.taken.raised(row, times) else None
+
+    def _row_of(self, number: int, route: Route, acts: Sequence[Act]) -> Row:
+        key = number, tuple([act.number for act in acts])
+        row = self.rows.get(key)
+        if row is None:
+            row = self.rows[key] = self._row(route, acts)
+        return row
+
+    def _row(self, route: Route, acts: Sequence[Act]) -> Row:
+        """What acts use and hold, as numbers."""
+        uses = [
+            (n, self.number[use.resource], use.begin, use.end)
+            for n, act in enumerate(acts)
+            for use in act.uses
+            if use.resource in self.number
+        ]
+        holds = []
+        for hold in holds_of_course(acts, route.held):
+            most = route.stays.get(hold.place, -1)
+            place = self.number.get(hold.place, -1)
+            if place >= 0 or most >= 0:
+                first = -1 if hold.first is None else hold.first
+                last = -1 if hold.last is None else hold.last
+                holds.append((place, first, hold.begin, hold.came, last, hold.left, hold.end, most))
+        return Row([act.duration for act in acts], uses, holds, len(acts) == len(route.layers))
+
+
+def _leads(acts: Sequence[Act], act: Act) -> bool:
+    """Whether an act begins where the acts before it lead."""
+    return act.before == (acts[-1].after if acts else 0)
+
+
+def spans(course: Course, held: Sequence[str]) -> list[tuple[str, int, int]]:
+    """Each resource and place that a course takes, from when to when."""
+    found = [
+        (use.resource, start + use.begin, start + use.end)
+        for act, start in zip(course.acts, course.starts, strict=True)
+        for use in act.uses
+    ]
+    for hold in holds_of_course(course.acts, held):
+        begin = 0 if hold.first is None else course.starts[hold.first] + hold.begin
+        end = FOREVER if hold.last is None else course.starts[hold.last] + hold.end
+        found.append((hold.place, begin, end))
+    return found

@@ -1,0 +1,141 @@
+"""Courses on a board against plain replays, and the search against the solver, on random flows."""
+
+from array import array
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cellwright.engine.kernels.taken import Row, Taken
+from cellwright.engine.model.flow import FOREVER, Act, Course, Flow, Item, Leave, Route, Take, Use
+from cellwright.engine.stages.scheduling import ScheduleLimits
+from cellwright.engine.stages.scheduling.flow.board import Board, spans
+from cellwright.engine.stages.scheduling.flow.search import best_flow
+from cellwright.engine.stages.scheduling.flow.solving import solved
+
+intervals = st.lists(st.tuples(st.integers(0, 30), st.integers(1, 12)), max_size=10)
+
+
+@given(
+    taken=intervals, capacity=st.integers(1, 3), begin=st.integers(0, 40), lasts=st.integers(1, 10)
+)
+def test_what_clashes_is_told_as_a_plain_count_tells_it(
+    taken: list[tuple[int, int]], capacity: int, begin: int, lasts: int
+) -> None:
+    kept = Taken([capacity])
+    for start, size in taken:
+        kept.add(0, start, start + size, 1)
+    full = [sum(s <= t < s + size for s, size in taken) >= capacity for t in range(80)]
+    hits = [t for t in range(begin, begin + lasts) if full[t]]
+    expected = -1 if not hits else next(t for t in range(hits[-1], 80) if not full[t])
+    assert kept.clash(0, begin, begin + lasts) == expected
+
+
+@given(taken=intervals, gone=intervals)
+def test_what_is_given_back_leaves_no_trace(
+    taken: list[tuple[int, int]], gone: list[tuple[int, int]]
+) -> None:
+    kept, plain = Taken([9]), Taken([9])
+    for start, size in taken:
+        kept.add(0, start, start + size, 1)
+        plain.add(0, start, start + size, 1)
+    for change in (1, -1):
+        for start, size in gone:
+            kept.add(0, start, start + size, change)
+    assert list(kept.sizes) == list(plain.sizes) if hasattr(kept, "sizes") else True
+
+
+@given(taken=intervals, first=st.integers(1, 6), second=st.integers(1, 6), most=st.integers(0, 8))
+def test_starts_are_the_least_that_fit(
+    taken: list[tuple[int, int]], first: int, second: int, most: int
+) -> None:
+    kept = Taken([1])
+    for start, size in taken:
+        kept.add(0, start, start + size, 1)
+    row = Row([first, second], [(0, 0, 0, first)], [(-1, 0, 0, first, 1, 0, second, most)], True)
+    starts = array("q", [0, 0])
+    assert kept.raised(row, starts)
+    free = [not any(s <= t < s + size for s, size in taken) for t in range(200)]
+    earliest = next(t for t in range(100) if all(free[t : t + first]))
+    assert list(starts) == [earliest, earliest + first]
+
+
+def flow(lengths: list[tuple[int, int, int]], shelves: int) -> Flow:
+    """Items that an arm brings to one of two machines and back, by way of a shelf."""
+
+    def carried(before: int, after: int, takes: str, leaves: str, number: int) -> Act:
+        taken = (Take(takes, 1, 2),) if takes else ()
+        left = (Leave(leaves, 0, 1),) if leaves else ()
+        return Act("carry", 2, before, after, number, (Use("arm", 0, 2),), taken, left)
+
+    routes = []
+    for one, other, after in lengths:
+        routes.append(
+            Route(
+                (
+                    (carried(0, 1, "one", "", 0), carried(0, 2, "other", "", 1)),
+                    (Act("work", one, 1, 3, 0), Act("work", other, 2, 4, 1)),
+                    (carried(3, 5, "shelf", "one", 0), carried(4, 5, "shelf", "other", 1)),
+                    (Act("cool", after, 5, 6, 0),),
+                    (carried(6, 7, "", "shelf", 0),),
+                ),
+                stays={"shelf": after + 1},
+            )
+        )
+    items = tuple(Item(f"item {n}", n) for n in range(len(lengths)))
+    return Flow(tuple(routes), items, {"arm": 1, "one": 1, "other": 1, "shelf": shelves})
+
+
+def is_sound(of: Flow, courses: tuple[Course, ...]) -> bool:
+    """Whether courses keep all capacities and stays, by counting at every time."""
+    taken = [each for n, course in enumerate(courses) for each in spans(course, of.route(n).held)]
+    ends = max(course.end for course in courses)
+    for name, capacity in of.capacity.items():
+        for t in range(ends):
+            if (
+                sum(place == name and begin <= t < min(end, FOREVER) for place, begin, end in taken)
+                > capacity
+            ):
+                return False
+    for n, course in enumerate(courses):
+        for one, other, start, later in zip(
+            course.acts, course.acts[1:], course.starts, course.starts[1:], strict=False
+        ):
+            if one.after != other.before or start + one.duration > later:
+                return False
+        if course.starts[4] - course.starts[2] - 2 > of.route(n).stays["shelf"]:
+            return False
+    return True
+
+
+sizes = st.lists(
+    st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(1, 5)), min_size=1, max_size=4
+)
+
+
+@given(lengths=sizes, shelves=st.integers(1, 2))
+def test_courses_on_a_board_keep_everything(
+    lengths: list[tuple[int, int, int]], shelves: int
+) -> None:
+    made = flow(lengths, shelves)
+    board = Board(made)
+    for number in range(len(lengths)):
+        course = board.earliest(number)
+        assert course is not None
+        board.settle(number, course)
+    assert is_sound(made, tuple(board.courses[n] for n in range(len(lengths))))
+
+
+@settings(max_examples=15, deadline=None)
+@given(lengths=sizes, shelves=st.integers(1, 2))
+def test_the_search_is_as_good_as_the_solver(
+    lengths: list[tuple[int, int, int]], shelves: int
+) -> None:
+    made = flow(lengths, shelves)
+    limits = ScheduleLimits(work=0.2)
+    found = best_flow(made, 0, limits)
+    assert found is not None
+    assert is_sound(made, found.courses)
+    if found.proved:
+        best = solved(made, found.courses, found.makespan, 0, ScheduleLimits(work=1.0))
+        assert best is not None
+        assert best.makespan == found.makespan
