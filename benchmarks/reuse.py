@@ -41,7 +41,7 @@ from cellwright.kb.loader import load
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "pipelines" / "revision"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "pipelines" / "recovery"))
 from disturbances import PLANS, course, moment
 
 LIMIT_S = 10.0  # of one planning task

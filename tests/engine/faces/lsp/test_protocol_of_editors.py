@@ -228,9 +228,10 @@ def test_a_name_of_a_device_leads_to_its_file_and_errors_there_are_told(
 ) -> None:
     device = cell / "devices" / "shaker" / "device.yaml"
     device.parent.mkdir(parents=True)
-    text = "device: shaker\nabout: shakes\nfluents:\n  shaken(probe): {weight: 3}\noperators:\n" \
-        ("  $name(Probe):\n    preconditions: at(Probe, Place)\n    adds: "
-        "shaken(Probe)\n")  # fmt: skip
+    text = (
+        "device: shaker\nabout: shakes\nfluents:\n  shaken(probe): {weight: 3}\noperators:\n"
+        "  $name(Probe):\n    preconditions: at(Probe, Place)\n    adds: shaken(Probe)\n"
+    )
     device.write_text(text.replace("Place", "mars_gripper"))
     domain = cell / "domain.yaml"
     own = domain.read_text().replace("  freezer: {}", "  freezer: {}\n  shaker: {}")

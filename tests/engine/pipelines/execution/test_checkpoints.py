@@ -18,7 +18,7 @@ from cellwright.engine.pipelines.recovery import KeptHistory, SymbolicWorld
 from cellwright.engine.pipelines.simulators import Injection
 from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from cellwright.kb.store.journal import JournalLine
-from tests.engine.pipelines.execution.cells import executed, planned
+from tests.engine.pipelines.execution.executed_cells import executed, planned
 
 BAKERY = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")
 RUNS = {

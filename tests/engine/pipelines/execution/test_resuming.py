@@ -17,7 +17,7 @@ from cellwright.engine.pipelines.execution import (
 )
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Journal
-from tests.engine.pipelines.execution.cells import ended, killed_and_resumed, planned
+from tests.engine.pipelines.execution.executed_cells import ended, killed_and_resumed, planned
 
 FAULT = "pick(probe_1, slot(drawer, 1))=not_gripped"
 

@@ -14,7 +14,7 @@ from cellwright.engine.kernels.cancellation import Poll
 from cellwright.engine.model.troubleshooting import Troubleshooting
 from cellwright.engine.stages.diagnosis import search_arrays
 from tests.engine.interpreted import interpreted_package
-from tests.engine.stages.diagnosis.cases import isolations, troubles
+from tests.engine.stages.diagnosis.fault_cases import isolations, troubles
 
 Modules = dict[str, ModuleType]
 PACKAGE = cellwright.engine.stages.diagnosis.kernels

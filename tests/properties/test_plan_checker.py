@@ -16,8 +16,8 @@ from cellwright.kb.model.conditions import And
 from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, CausalLink, Plan, full_order
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function
-from tests.properties.plans import ATOMS, posed
 from tests.properties.problems import CONSTANTS, conditions, problems, successors
+from tests.properties.random_plans import ATOMS, posed
 from tests.properties.simulation import Simulation
 
 MANY = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))

@@ -8,7 +8,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from tests.engine.stages.scheduling.test_readers import JSON, written
+from tests.engine.formats.interop.test_shop_files import JSON, written
 
 
 def run(*words: str) -> Result:

@@ -13,7 +13,7 @@ from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.pipelines.recovery.plan_revision import PlanRevision, revise_plan
 from cellwright.kb.diagnostics import InvalidInput
-from tests.engine.pipelines.revision.disturbances import PLANS, course, moment
+from tests.engine.pipelines.recovery.disturbances import PLANS, course, moment
 from tests.properties.detours import needless
 
 SMALL = [

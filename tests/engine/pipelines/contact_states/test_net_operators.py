@@ -17,7 +17,7 @@ from cellwright.engine.stages.states.state_generation import generate_states
 from cellwright.engine.stages.states.token_types import token_types
 from cellwright.kb.loader import load, with_goals
 from cellwright.kb.model.contact_model import Octuple
-from tests.engine.stages.states.cells import Recipe, Slow, State, cell, recipes
+from tests.engine.stages.states.random_cells import Recipe, Slow, State, cell, recipes
 
 
 def reached(slow: Slow) -> set[State]:

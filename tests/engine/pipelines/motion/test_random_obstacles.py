@@ -6,7 +6,6 @@ import random
 from pathlib import Path
 
 import pytest
-from test_moves import kiln_room, moving
 
 from cellwright.engine.model.motion_values import MovedStep
 from cellwright.engine.model.outcome import Found
@@ -18,6 +17,7 @@ from cellwright.kb.loader.cell import load_cell
 from cellwright.kb.model.plan_model import Step, StepId
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
+from tests.engine.pipelines.motion.test_moving_plan import kiln_room, moving
 
 PLACES = ("bench", "kiln", "top", "shelf")
 PAIRS = tuple(f"suits({item}, {place})" for item in ("bolt", "brick") for place in PLACES)

@@ -27,7 +27,7 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library, Record
 from cellwright.kb.store.database import begin_anew, opened_so_far
 from cellwright.kb.terms import Function
-from tests.engine.pipelines.reuse.test_practice import POINTS
+from tests.engine.pipelines.planning.test_library_planner import POINTS
 
 GOAL = "measured(_, _, meas(m2))"
 

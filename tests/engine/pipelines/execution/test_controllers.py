@@ -36,7 +36,7 @@ from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load
 from cellwright.kb.model.planning_problem import Problem
 
-CELL = Path(__file__).parents[2] / "domains" / "capping" / "problems" / "no_caps.yaml"
+CELL = Path(__file__).parents[3] / "domains" / "capping" / "problems" / "no_caps.yaml"
 HURRY = Patience(5, 2, 0.2, 1.5)
 
 

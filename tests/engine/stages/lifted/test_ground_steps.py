@@ -4,12 +4,12 @@ import random
 from pathlib import Path
 
 import pytest
-from macro_cells import GOLDEN, Example, golden
 
 from cellwright.engine.stages.lifted.cell_domain import Situation
 from cellwright.engine.stages.lifted.lifted_execution import LiftedExecution
 from cellwright.kb.model.plan_model import Step, StepId
 from cellwright.kb.terms import Function, Term
+from tests.engine.stages.macros.macro_cells import GOLDEN, Example, golden
 
 
 def _steps(found: Example, draw: random.Random) -> list[Function]:

@@ -20,12 +20,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import ndimage
-from test_moves import DOMAIN, moving
 
 from cellwright.engine.kernels.arrays import Floats, Truths
 from cellwright.engine.model.outcome import Found
 from cellwright.kb.loader import load_problem
 from cellwright.kb.terms import Function
+from tests.engine.pipelines.motion.test_moving_plan import DOMAIN, moving
 
 UPPER, FORE = 0.4, 0.3  # the links (m)
 LINK_R, SPINDLE_R, BOLT_R = 0.03, 0.025, 0.02

@@ -14,7 +14,7 @@ from cellwright.kb.loader import load
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
     return Path(
-        shutil.copytree(Path(__file__).parent / "editing" / "laboratory", tmp_path / "themse")
+        shutil.copytree(Path(__file__).parents[1] / "editing" / "laboratory", tmp_path / "themse")
     )
 
 

@@ -34,8 +34,8 @@ from cellwright.engine.stages.sequencing.tour_solver import clashing_windows
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.plan_model import Claims
 from cellwright.kb.model.planning_problem import Problem
-from tests.engine.pipelines.execution.cells import executed
-from tests.engine.pipelines.test_sequenced_parts import inspection, text
+from tests.engine.pipelines.execution.executed_cells import executed
+from tests.engine.pipelines.planning.test_decomposition import inspection, text
 
 Windows = Mapping[str, tuple[int, int]]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 CLI = [sys.executable, "-m", "cellwright.engine.faces.cli"]
-TOP = Path(__file__).parents[3]
+TOP = Path(__file__).parents[4]
 TARGET = str(TOP / "tests/domains/capping/problems/no_caps.yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([*sys.path, str(TOP)])}
 

@@ -13,7 +13,14 @@ from cellwright.engine.kernels.cancellation import never
 from cellwright.engine.pipelines.jobs import WorkKind, carried_out, crew_of
 from cellwright.kb.cycles import COLLECTION_THRESHOLD
 from cellwright.kb.diagnostics import InvalidInput
-from tests.engine.pipelines.test_units import kind, lost, marks, results, tell_threshold, units
+from tests.engine.pipelines.jobs.test_work_units import (
+    kind,
+    lost,
+    marks,
+    results,
+    tell_threshold,
+    units,
+)
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
@@ -23,7 +30,7 @@ pytest.importorskip("distributed", reason="the extra 'cluster' is not installed"
 def cluster() -> Iterator[Any]:
     from benchmarks.clusters import Cluster
 
-    with Cluster.started(Path(__file__).parents[3], 2) as started:
+    with Cluster.started(Path(__file__).parents[4], 2) as started:
         yield started
 
 
@@ -69,7 +76,7 @@ def test_a_scheduler_that_ends_is_told_and_what_is_finished_is_kept(tmp_path: Pa
     from benchmarks.clusters import Cluster
 
     asked = units(tmp_path, "a", "wait")
-    with Cluster.started(Path(__file__).parents[3], 1) as own:
+    with Cluster.started(Path(__file__).parents[4], 1) as own:
         found = {}
         for unit, said in carried_out(
             kind(tmp_path / "s.db"), asked, crew_of(0, own.address), never
