@@ -22,6 +22,7 @@ from cellwright.engine.faces.cli import app
 
 TOP = Path(__file__).parents[2]
 PATHS = [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]
+DECISIONS = sorted(TOP.glob("docs/decisions/*.md"))
 GAP = "..."
 LINE = r'cellwright (?:[^"\n]|"[^"]*")*'
 PART = re.compile(
