@@ -36,7 +36,7 @@ def setup(app):
 
 
 def prepared(_app, name, source):
-    """Lists of pages as contents; links to a folder as links to its files; what examples are written in."""
+    """Lists of pages become contents, links to a folder its files; examples lose labels."""
     text = FOLDER.sub(lambda found: f"{found[1]} ({files(found[2])})", source[0])
     text = re.sub(r"^```(yaml|prolog|python) [\w ]+$", r"```\1", text, flags=re.MULTILINE)
     source[0] = text + (contents(text) if name in CONTENTS else "")

@@ -214,7 +214,8 @@ GROWING_KEYS = (
     "pages",
 )  # what of a plan's record grows with the plan, or is true only once
 VERDICT_FIELDS = (
-    "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk", "passed", "tool",
+    "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk",
+    "passed", "tool",
 )  # fmt: skip
 
 

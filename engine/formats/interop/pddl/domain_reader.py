@@ -24,7 +24,8 @@ from cellwright.kb.model.domain_model import (
 from cellwright.kb.terms import Function
 
 PDDL_SECTIONS = (
-    "domain", ":requirements", ":types", ":constants", ":predicates", ":functions", ":action", ":derived",
+    "domain", ":requirements", ":types", ":constants", ":predicates", ":functions", ":action",
+    ":derived",
 )  # fmt: skip
 
 
