@@ -45,7 +45,7 @@ def two() -> Built:
 def test_a_part_is_placed_by_friction_alone_within_three_millimetres() -> None:
     found, _ = place_part(SCENE, "angle", "base")
     assert isinstance(found, Placed)
-    done = running.carried(SCENE, "angle", found)
+    done = running.execute_carries(SCENE, "angle", found)
     assert done.went is running.Went.DONE
     assert not done.touched
     assert done.off[0] < NEAR_M
@@ -55,7 +55,7 @@ def test_a_part_is_placed_by_friction_alone_within_three_millimetres() -> None:
 @pytest.mark.parametrize("carries", [False, True])
 def test_an_arm_that_moves_is_where_it_is_told_to_be(carries: bool) -> None:
     """Servos that were aimed at where the arm is to be would lag by some 70 mm at this speed."""
-    shop = running.Workshop(SCENE)
+    shop = running.MujocoCell(SCENE)
     world, tool, off = GeometricWorld.of(SCENE.cell), f"{shop.arm}.tool", []
 
     def seen() -> bool:
@@ -74,7 +74,7 @@ def test_an_arm_that_moves_is_where_it_is_told_to_be(carries: bool) -> None:
 def test_five_parts_are_assembled_and_nothing_touches_unplanned() -> None:
     made, _ = assemble_scene(FIVE, DOMAIN, "base")
     assert isinstance(made, Built)
-    done = running.executed(made, DOMAIN)
+    done = running.execute_assembly(made, DOMAIN)
     assert [run.outcome for run in done.runs] == ["reached"]
     assert not done.refused
     assert not done.touched
@@ -88,7 +88,7 @@ def test_a_part_that_was_moved_after_it_was_seen_is_found_again_and_placed(
     two: Built, shift: tuple[float, float, float]
 ) -> None:
     x, y, turn = shift
-    done = running.executed(two, DOMAIN, [running.Shift("wall_2", (x, y), turn)])
+    done = running.execute_assembly(two, DOMAIN, [running.PartShift("wall_2", (x, y), turn)])
     assert done.runs[-1].outcome == "reached"
     assert all(metres < NEAR_M for metres, _ in done.off.values())
     assert sum(run.exceptions for run in done.runs) >= 1
@@ -96,7 +96,7 @@ def test_a_part_that_was_moved_after_it_was_seen_is_found_again_and_placed(
 
 @pytest.mark.slow
 def test_a_part_that_was_taken_away_is_told_missing_and_the_rest_is_built(two: Built) -> None:
-    done = running.executed(two, DOMAIN, [running.Shift("wall_1", away=True)])
+    done = running.execute_assembly(two, DOMAIN, [running.PartShift("wall_1", away=True)])
     assert done.runs[-1].outcome == "partly"
     assert any("part_missing" in each for run in done.runs for each in run.story)
     assert set(done.off) == {"wall_2"}
@@ -122,7 +122,7 @@ def test_a_second_look_from_near_by_is_taken_where_the_tolerance_asks_for_it(two
     part, most = max(doubts.items(), key=lambda each: each[1])
     scene = replace(yard.site.scene, tolerance_m=most * 0.95)
     strict = replace(two, yard=replace(yard, site=replace(yard.site, scene=scene)))
-    done = running.executed(strict, DOMAIN)
+    done = running.execute_assembly(strict, DOMAIN)
     assert done.runs[-1].outcome == "reached", done.runs
     assert any("place_unsure" in each and part in each for run in done.runs for each in run.story)
 
@@ -136,7 +136,7 @@ def test_a_camera_that_was_knocked_is_found_out_and_calibrated_by_the_arm_itself
     image = CameraOptics.of(scene, knock).image(GeometricWorld.of(scene.cell), 0)
     made, _ = assemble_scene(scene, DOMAIN, "base", image=image)
     assert isinstance(made, Built)
-    done = running.executed(made, DOMAIN, knock=knock)
+    done = running.execute_assembly(made, DOMAIN, knock=knock)
     assert done.runs[-1].outcome == "reached"
     assert any(
         "camera_moved; calibrate_the_camera" in each for run in done.runs for each in run.story
@@ -149,7 +149,7 @@ def test_three_fingers_hold_a_part_still_and_place_it() -> None:
     scene = load_scene(BUNDLED_DOMAINS / "handey" / "scenes" / "fingers.yaml")
     found, _ = place_part(scene, "angle", "base")
     assert isinstance(found, Placed)
-    done = running.carried(scene, "angle", found)
+    done = running.execute_carries(scene, "angle", found)
     assert done.went is running.Went.DONE
     assert not done.touched
     assert done.off[0] < NEAR_M
@@ -173,9 +173,9 @@ def test_a_round_peg_whose_hole_is_a_millimetre_beside_goes_in_when_it_is_tilted
             GeometricWorld.of(scene.cell).pose("world", "block").copy(),
         )
         block[:2, 3] += 0.00114 * np.cos(angle), 0.00114 * np.sin(angle)
-        moved = running.Workshop(scene, {"block": block})
+        moved = running.MujocoCell(scene, {"block": block})
         return (
-            running.carried(scene, "peg", replace(found, carries=(tried,)), moved).went
+            running.execute_carries(scene, "peg", replace(found, carries=(tried,)), moved).went
             is running.Went.DONE
         )
 
@@ -187,7 +187,7 @@ def test_a_body_of_several_blocks_weighs_where_its_volume_is() -> None:
     """An angle stands on its toe with four millimetres to spare; with its mass shared out
     evenly it would tip over.
     """
-    shop = running.Workshop(SCENE)
+    shop = running.MujocoCell(SCENE)
     body = shop.stage.model.body("angle")
     volume, centre = volume_and_centre(solid_of(SCENE.cell.bodies["angle"]))
     assert body.mass[0] == pytest.approx(volume * SCENE.density)

@@ -22,7 +22,7 @@ def _left_to_itself() -> object:
         time.sleep(0.05)
 
 
-@pytest.mark.parametrize(("limit", "value"), [("SECONDS", 0.05), ("MEGABYTES", 20)])
+@pytest.mark.parametrize(("limit", "value"), [("MAX_GROUNDING_S", 0.05), ("MAX_GROUNDING_MB", 20)])
 def test_a_grounding_is_given_up_at_its_limit(
     limit: str, value: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

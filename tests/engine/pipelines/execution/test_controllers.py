@@ -65,7 +65,7 @@ def run(
         wanted = RunRequest(str(CELL), store=str(tmp_path / "runs.db"), run="tried")
         name_run(wanted, problem)
         made = ControllerDriver(servers[0].place, HURRY, "tried")
-        monkeypatch.setattr(sys.modules[name_run.__module__], "driver", lambda *_: made)
+        monkeypatch.setattr(sys.modules[name_run.__module__], "make_driver", lambda *_: made)
         records: list[JournalRecord] = []
         ending = begin_run(
             wanted, problem, TimedOrders(), [records.append], SearchLimits(), outcome

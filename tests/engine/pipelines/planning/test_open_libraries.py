@@ -149,7 +149,7 @@ def test_the_facts_of_a_cell_are_evaluated_once(
     for _ in range(2):
         origin(problem, store)
     for each in (cell_domain, operator_semantics):
-        monkeypatch.delattr(each, "evaluated")
+        monkeypatch.delattr(each, "evaluate_statics")
     other = with_goals(problem.domain, "measured(_, _, meas(m3))", problem)
     assert [origin(each, store) for each in (problem, other)] == ["library"] * 2
 

@@ -112,7 +112,7 @@ def test_asked_for_both_the_cheaper_is_taken(path: Path, cut: float, acts: int, 
 def test_a_repair_that_the_checker_refuses_is_replanned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever goes wrong inside repair, a plan that is none does not leave by revision."""
     whole = repairs.deorder
-    monkeypatch.setattr(repairs, "deorder", lambda *given: Plan(whole(*given).steps[:-1]))
+    monkeypatch.setattr(repairs, "deorder_steps", lambda *given: Plan(whole(*given).steps[:-1]))
     made = course(bundled("themse/one"))
     found = revise_plan(
         made, (), observed_state(made, made.start, [atom("position(flap, open)")], [])
@@ -129,7 +129,7 @@ def test_a_repair_whose_orders_cannot_be_shown_is_given_as_a_sequence(
     def loose(*given: Any) -> Plan:
         return Plan(tuple(replace(step, after=()) for step in whole(*given).steps))
 
-    monkeypatch.setattr(repairs, "deorder", loose)
+    monkeypatch.setattr(repairs, "deorder_steps", loose)
     made = course(bundled("bulkhead/one_point"))
     found = revise_plan(made, (), made.start.state)  # type: ignore[arg-type]
     assert found.way == "continued"

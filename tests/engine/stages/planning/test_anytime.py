@@ -79,7 +79,7 @@ def test_the_best_plan_survives_want_of_memory(monkeypatch: pytest.MonkeyPatch) 
         raise MemoryError
 
     monkeypatch.setattr(
-        "cellwright.engine.stages.planning.improvement.window_optimisation.straighten", greedy
+        "cellwright.engine.stages.planning.improvement.window_optimisation.optimise_windows", greedy
     )
     assert isinstance(checked_plan.plan_problem(load_problem("bulkhead/both_tools")), Found)
 
@@ -96,7 +96,7 @@ def test_the_best_plan_survives_a_grounding_that_is_stopped(
         raise StoppedByCaller
 
     monkeypatch.setattr(
-        "cellwright.engine.stages.planning.improvement.window_optimisation.straighten", late
+        "cellwright.engine.stages.planning.improvement.window_optimisation.optimise_windows", late
     )
     limits = SearchLimits(interrupted=lambda: bool(asked.append(True)))
     outcome = checked_plan.plan_problem(load_problem("bulkhead/both_tools"), limits)

@@ -80,7 +80,7 @@ def test_the_checker_tells_of_the_same_conflicts_as_with_all_pairs(
     given: tuple[Problem, Plan],
 ) -> None:
     found = validate_plan(*given)
-    with patch("cellwright.engine.stages.validation.step_interference.pairs", every):
+    with patch("cellwright.engine.stages.validation.step_interference.disturbing_pairs", every):
         assert validate_plan(*given) == found
 
 
