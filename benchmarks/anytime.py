@@ -1,7 +1,8 @@
 """Cheaper plans as long as there is time: `plan --anytime` and Fast Downward's `lama`, both ended
 after the same time of the clock.
 
-    python benchmarks/anytime.py [--peers PYTHON] [--data DIR] [--levels 1-4] [--seconds 30] [--only TEXT] [--json FILE]
+    python benchmarks/anytime.py [--peers PYTHON] [--data DIR] [--levels 1-4] [--seconds 30]
+        [--only TEXT] [--json FILE]
 
 Tasks and peers are those of `planning.py`. Every plan goes through our checker. A task that only
 one of the two solves counts for neither sum of costs.

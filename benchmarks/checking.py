@@ -1,7 +1,8 @@
 """What it costs to check a plan, beside what it costs to make it: the bundled problems and the
 competition tasks.
 
-    python benchmarks/checking.py [--data DIR] [--levels 1-4] [--seconds 60] [--runs 3] [--only TEXT] [--json FILE]
+    python benchmarks/checking.py [--data DIR] [--levels 1-4] [--seconds 60] [--runs 3]
+        [--only TEXT] [--json FILE]
 
 `--data` (else $CELLWRIGHT_DATA) has the folders `pddl`, `pddl-numeric` and `pddl-axioms`, as in
 `benchmarks/planning.py`. Each task is planned by `cellwright plan` in a process of its own, once

@@ -1,7 +1,8 @@
 """A hundred cells that share one library in PostgreSQL: how long lookups take, and whether an
 update is lost.
 
-    python benchmarks/clients.py [--clients N] [--seconds S] [--every S] [--macrops N] [--points N] [--warm N]
+    python benchmarks/clients.py [--clients N] [--seconds S] [--every S] [--macrops N] [--points N]
+        [--warm N]
         [--first] [--json FILE]
 
 Each client is a process with connections of its own. It looks up as `cellwright.plan` does in a

@@ -1,6 +1,7 @@
 """Preparation by a cluster: how much sooner two workers are done than one, and what kills leave.
 
-    python benchmarks/cluster.py [--table speed mishaps] [--problems N] [--pairs N] [--kills N] [--victim NAME ...] [--seed N] [--json FILE]
+    python benchmarks/cluster.py [--table speed mishaps] [--problems N] [--pairs N] [--kills N]
+        [--victim NAME ...] [--seed N] [--json FILE]
 
 Each problem has a cell of its own (a copy of `themse`), so that none serves another and the store
 does not depend on who is first. `speed`: the problems are prepared with one process, with two, and

@@ -1,7 +1,8 @@
 """Collision checks per second, one at a time and in batches, beside MuJoCo and coal when they are
 installed.
 
-    python benchmarks/collision.py [--data FOLDER] [--configurations N] [--cells NAME ...] [--json FILE]
+    python benchmarks/collision.py [--data FOLDER] [--configurations N] [--cells NAME ...]
+        [--json FILE]
 
 The cells are those of MotionBenchMaker for a UR5 (`ur5_mbm` in the folder of the data, by default
 $CELLWRIGHT_DATA): an arm of spheres among boxes and cylinders. All backends get the same convex

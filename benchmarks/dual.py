@@ -1,6 +1,7 @@
 """Two arms: how much sooner they are done, and whether a delay lets them collide.
 
-    python benchmarks/dual.py [--part bulkhead|delays|physics|themse ...] [--points N] [--runs N] [--work FOLDER] [--json FILE]
+    python benchmarks/dual.py [--part bulkhead|delays|physics|themse ...] [--points N] [--runs N]
+        [--work FOLDER] [--json FILE]
 
 `bulkhead`: points on the bulkhead, whose halves are in the reach of one arm each, with a common
 strip of a fifth of the width. Each arm takes its half column by column, both in the same direction.

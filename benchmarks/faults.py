@@ -1,7 +1,8 @@
 """The fault matrix: every cause of a fault base, injected at every step where it can show; how each
 run ends.
 
-    python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--faults N] [--jobs N] [--cluster ADDRESS] [--json FILE] [TARGET ...]
+    python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--faults N]
+        [--jobs N] [--cluster ADDRESS] [--json FILE] [TARGET ...]
 
 Without `--samples` the whole matrix; with it, so many runs in all, as many of each target. `--jobs`
 runs so many at the same time, `--cluster` has the workers of a cluster run them. `--second` injects

@@ -1,6 +1,8 @@
 """Handey's figures: relations, localisation, grasps and regrasps, and PLACE as a whole.
 
-    python benchmarks/handey.py [--part relations|localisation|regrasps|place|ablation|monitoring|pegs ...] [--number N] [--first SEED] [--json FILE]
+    python benchmarks/handey.py
+        [--part relations|localisation|regrasps|place|ablation|monitoring|pegs ...] [--number N]
+        [--first SEED] [--json FILE]
 
 Relations: transforms are recovered from random consistent sets, by the worst entry. Localisation: N
 random scenes, of which the part must be found within 2 mm and 1 degree, and as many without the

@@ -1,7 +1,8 @@
 """Shapes and alignments from measured points whose truth is known: how often the stated uncertainty
 holds, and what it costs.
 
-    python benchmarks/inspection.py [--part patches] [--part analytic] [--part alignment] [--part job] [--patches N] [--alignments N] [--points N] [--seeds N ...]
+    python benchmarks/inspection.py [--part patches] [--part analytic] [--part alignment]
+        [--part job] [--patches N] [--alignments N] [--points N] [--seeds N ...]
         [--xsd FILE] [--json FILE]
 
 The patches are rendered (`inspection_patches.py`). Bars: 94 to 96 % of the errors lie within the

@@ -1,7 +1,8 @@
 """Kills a run at every record of its journal while its controller lives on, resumes it, and reads
 the controller's own log.
 
-    python benchmarks/kills.py [--target TARGET] [--fault STEP=CAUSE] [--from N] [--to N] [--json FILE]
+    python benchmarks/kills.py [--target TARGET] [--fault STEP=CAUSE] [--from N] [--to N]
+        [--json FILE]
 
 The simulated cell is a process of its own, reached over TCP. The process of the run gets SIGKILL at
 a record: before the group with it is written, behind that, and when the commands of the group are

@@ -1,7 +1,8 @@
 """Limits of time and memory asked and taken, and how soon Ctrl-C ends a command, for long work of
 every verb.
 
-    python benchmarks/limits.py [--part time memory interrupt] [--only TEXT] [--seconds N] [--times N] [--load N] [--seed N]
+    python benchmarks/limits.py [--part time memory interrupt] [--only TEXT] [--seconds N]
+        [--times N] [--load N] [--seed N]
                                 [--json FILE]
 
 Each command has more to do than its limit allows, or is ended by Ctrl-C at a random moment (counted

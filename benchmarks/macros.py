@@ -1,7 +1,8 @@
 """Lookup in a library of ten thousand MACROPs against planning, on a bulkhead with a thousand
 points.
 
-    python benchmarks/macros.py [--macrops N] [--points N] [--library FILE] [--part PART ...] [--json FILE]
+    python benchmarks/macros.py [--macrops N] [--points N] [--library FILE] [--part PART ...]
+        [--json FILE]
 
 Parts: `lookup` (seconds of the processor by size of the library), `sequence` (a thousand points one
 after another), `planning` (one problem planned from scratch: minutes and gigabytes, so it is left

@@ -1,6 +1,7 @@
 """What a run survives: a loss of power, a full disk, a controller that misbehaves. One table each.
 
-    python benchmarks/mishaps.py [--target TARGET] [--fault STEP=CAUSE] [--times N] [--seed N] [TABLE ...]
+    python benchmarks/mishaps.py [--target TARGET] [--fault STEP=CAUSE] [--times N] [--seed N]
+        [TABLE ...]
 
 TABLE is power, disk or controller; left out, all. A run in a simulated cell has a fault in it. For
 `power` its process is gone behind a random group of records, and the journal's files are cut at a

@@ -1,7 +1,8 @@
 """Paths of a UR5 on the problems of MotionBenchMaker: time, length, proof, and an independent check
 at a finer step.
 
-    python benchmarks/motion.py [--data FOLDER] [--numbers N] [--first N] [--kinds NAME ...] [--json FILE]
+    python benchmarks/motion.py [--data FOLDER] [--numbers N] [--first N] [--kinds NAME ...]
+        [--json FILE]
     python benchmarks/motion.py --certified 1000 [--data FOLDER] [--numbers N] [--json FILE]
 
 The problems are read from `ur5_mbm` in the folder of the data, by default $CELLWRIGHT_DATA. Scenes

@@ -1,7 +1,8 @@
 """Motions of bundled arms among random blocks: how many queries end with a path, with a proof that
 there is none, or open.
 
-    python benchmarks/motion_random.py [--cells N] [--blocks N ...] [--arms NAME ...] [--first N] [--json FILE]
+    python benchmarks/motion_random.py [--cells N] [--blocks N ...] [--arms NAME ...] [--first N]
+        [--json FILE]
 
 In each cell four queries go between random free configurations of the arm. Times are processor time
 of one call, the scene built beforehand, with short cuts and proof. Every path is looked at again

@@ -1,6 +1,7 @@
 """Mutation run: how many small faults, put into the modules that judge, do their tests notice?
 
-    python benchmarks/mutation.py --mutators PYTHON [--seed N] [--count N] [--only TEXT...] [--json FILE] [--again FILE...]
+    python benchmarks/mutation.py --mutators PYTHON [--seed N] [--count N] [--only TEXT...]
+        [--json FILE] [--again FILE...]
 
 PYTHON has cosmic-ray, which the product does not use; it makes the mutants (`mutants.py`). Each
 mutant runs the tests of its module, on a copy of the tree. All laws try all of their examples.

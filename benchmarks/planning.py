@@ -1,7 +1,8 @@
 """Competition tasks: our strategies and, in the same run, other planners; solved tasks, times and
 plan lengths.
 
-    python benchmarks/planning.py [--data DIR] [--levels 1-4] [--seconds 60] [--planners NAMES] [--peers PYTHON] [--numeric]
+    python benchmarks/planning.py [--data DIR] [--levels 1-4] [--seconds 60] [--planners NAMES]
+        [--peers PYTHON] [--numeric]
 
 `--data` (else $CELLWRIGHT_DATA) has a folder `pddl/DOMAIN/LEVEL_INSTANCE` with `domain.pddl` and
 `problem.pddl`, and for `--numeric` a folder `pddl-numeric/DOMAIN` with a domain and problems.

@@ -1,7 +1,8 @@
 """What MACROPs and revision are worth: probes by the dozen, planning competitions' tasks, disturbed
 plans.
 
-    python benchmarks/reuse.py [--part probes|pddl|revision ...] [--probes N ...] [--data FOLDER] [--json FILE]
+    python benchmarks/reuse.py [--part probes|pddl|revision ...] [--probes N ...] [--data FOLDER]
+        [--json FILE]
 
 `probes`: THEMSE with more depots in the drawer, with a library that one small problem filled,
 beside planning without. `pddl`: MACROPs learned on levels 1 and 2 of a domain, used on 3 to 5
@@ -41,7 +42,7 @@ from cellwright.kb.loader import load
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "pipelines" / "revision"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "pipelines" / "recovery"))
 from disturbances import PLANS, course, moment
 
 LIMIT_S = 10.0  # of one planning task

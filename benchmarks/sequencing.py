@@ -1,7 +1,8 @@
 """Gap to the optimum against processor time on TSPLIB: the chain of 1987, the default, and OR-Tools
 routing.
 
-    python benchmarks/sequencing.py [--data FOLDER] [--seconds 1 10] [--only NAME ...] [--peers] [--json FILE]
+    python benchmarks/sequencing.py [--data FOLDER] [--seconds 1 10] [--only NAME ...] [--peers]
+        [--json FILE]
 
 FOLDER (or the environment variable CELLWRIGHT_DATA) has `tsplib/*.tsp` and `tsplib/optima.txt`,
 lines `name : optimum`. Times are processor seconds of search and bound, compiled kernels loaded.

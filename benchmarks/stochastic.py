@@ -1,7 +1,8 @@
 """Runs whose steps take longer or shorter than forecast: stays that are too long, and makespans
 beside perfect knowledge.
 
-    python benchmarks/stochastic.py [--probes N] [--runs N] [--known N] [--work N] [--stay SECONDS] [--jobs N] [--json FILE]
+    python benchmarks/stochastic.py [--probes N] [--runs N] [--known N] [--work N] [--stay SECONDS]
+        [--jobs N] [--json FILE]
     python benchmarks/stochastic.py --forecast --runs N [--tolerance SECONDS]
 
 Probes are heated, cooled and stored in the laboratory; as many depots, furnace 1, freezer 2. Every

@@ -1,7 +1,8 @@
 """What a library survives, in SQLite and in PostgreSQL: kills, full disks, damage, and writers
 beside each other.
 
-    python benchmarks/stores.py [--table kills disk damage writers] [--only sqlite postgres] [--kills N] [--full N] [--damage N]
+    python benchmarks/stores.py [--table kills disk damage writers] [--only sqlite postgres]
+        [--kills N] [--full N] [--damage N]
                                 [--writers N] [--seed N] [--json FILE]
 
 A writer puts MACROPs, closed cases, sequences, poses and lines of a journal into a library, and

@@ -1,7 +1,8 @@
 """The whole measurement: every benchmark in one run, with every figure that an issue has named on
 one page.
 
-    python benchmarks/whole.py [--profile quick|full] [--only PART ...] [--minutes N] [--kept FOLDER] [--cluster ADDRESS] [--list]
+    python benchmarks/whole.py [--profile quick|full] [--only PART ...] [--minutes N]
+        [--kept FOLDER] [--cluster ADDRESS] [--list]
 
 The quick profile ends within 40 minutes: what is left then is told on the page as not run. The full
 one takes a night or two. The result of each part is kept as soon as it is there; after Ctrl-C, a

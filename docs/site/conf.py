@@ -1,4 +1,7 @@
-"""How Sphinx makes a site of the pages in `docs`: `make site`. Nothing in the site is fetched from anywhere."""
+"""How Sphinx makes a site of the pages in `docs`: `make site`.
+
+Nothing in the site is fetched from anywhere.
+"""
 
 import re
 from pathlib import Path
@@ -21,7 +24,8 @@ html_copy_source = False
 html_show_sourcelink = False
 html_show_sphinx = False
 suppress_warnings = ["misc.highlighting_failure"]  # fragments of YAML and ASP, as pages show them
-LINK = re.compile(r"^- \[[^\]]*\]\(([\w-]+)\.md\)$", re.MULTILINE)
+LINK = re.compile(r"^- \[[^\]]*\]\(([\w/-]+)\.md\)$", re.MULTILINE)
+CONTENTS = ("index", "decisions/index")  # pages whose lists of links are the navigation
 FOLDER = re.compile(r"\[([^\]]*)\]\((schema)\)")
 
 
@@ -32,14 +36,14 @@ def setup(app):
 
 
 def prepared(_app, name, source):
-    """The first page as contents; links to a folder as links to its files; what examples are written in."""
+    """Lists of pages become contents, links to a folder its files; examples lose labels."""
     text = FOLDER.sub(lambda found: f"{found[1]} ({files(found[2])})", source[0])
     text = re.sub(r"^```(yaml|prolog|python) [\w ]+$", r"```\1", text, flags=re.MULTILINE)
-    source[0] = text + (contents(text) if name == "index" else "")
+    source[0] = text + (contents(text) if name in CONTENTS else "")
 
 
 def contents(text):
-    """The sections of the first page as the navigation of the site."""
+    """The sections of a page that lists pages, as the navigation of the site."""
     sections = re.findall(r"^## (.*)\n((?:(?!## ).*\n)*)", text, re.MULTILINE)
     return "".join(
         "\n".join(

@@ -162,38 +162,45 @@ class RecordKind(StrEnum):
     """What a record of the journal tells. Its content, by key, is described here; every record has
     `at_ms`.
 
-    RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is the
-    first record. PLAN: why (first, recovery, reschedule, choice, aligned, again, or the order that
-    asked for it), steps [{id, step, stream, says, after, resources,
-          start_ms, lasts_ms, ...; keys that say nothing are left out}], order, forecast_ms (the end), goals, chains
-          {name: stages pursued}, given_up, lost, blocked, hands, full (those that hold something),
-          ahead [[id, start, low, high]] (as far as starts can be forecast); it replaces the steps that have not begun.
-    COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms,
-    timeout_ms, about, asks,
-          step (id in the plan, or null); looks, watches and part, if there are any.
-    REPLY: command, text, data. A command that got none in time has the text `timeout`. TROUBLE:
-    trouble (its kind), text, command. DONE: step (id), command, action, started_ms, adds, ends,
-    events: what the step changed in the world model; moved: the
-          stages that were reached, [[chain, number, atom]]; arms {name: {q, place, inside, straight}}: where those are that
-          have moved, in a run with motion.
-    RESULT: command, action, result (the fact of the result pattern, or empty), and where the domain
-    says what is measured of,
-            quantity, value, unit, nominal, lower, upper, uncertainty, risk, passed, tool.
-    ALIGNMENT: part (twelve numbers, as in commands; empty if no place of the part fits), centre,
-    covariance, wrong (datums that disagree),
-            datums (how many agree), why (none fits): where the part lies, from here on.
-    EXCEPTION: exception (its name in the fault base, else the reply), known, step, action, command,
-    reply. FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis,
-    probability]] before it, expected_cost. DIAGNOSIS: exception, causes [[hypothesis,
-    probability]], cured, isolated, cost. WORLD: why, adds, ends, reached: the world model was
-    corrected; bodies {name: {at, rpy, box}}, if some were seen. GIVEN_UP: goal, why. GOAL: goal: a
-    stage was reached. ORDER: order, given (what it says besides), origin (terminal, socket), who
-    and when (date and time, UTC) if known. DECISION: what, why: a choice of the executive between
-    alternatives. PHASE: phase, why. CHECKPOINT: state: from here a resumed run can go on without
-    reading older records; or rest: what is left of a long plan,
-          as in PLAN, before the checkpoint that refers to it; more steps of it are in so many records before (pages).
-    END: outcome (reached, partly, stopped, aborted, paused), why, goals, open_goals, given_up
-    [[goal, why]], makespan_ms.
+    - RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is
+      the first record.
+    - PLAN: why (first, recovery, reschedule, choice, aligned, again, or the order that asked for
+      it), steps [{id, step, stream, says, after, resources, start_ms, lasts_ms, ...; keys that say
+      nothing are left out}], order, forecast_ms (the end), goals, chains {name: stages pursued},
+      given_up, lost, blocked, hands, full (those that hold something), ahead [[id, start, low,
+      high]] (as far as starts can be forecast); it replaces the steps that have not begun.
+    - COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms,
+      timeout_ms, about, asks, step (id in the plan, or null); looks, watches and part, if there are
+      any.
+    - REPLY: command, text, data. A command that got none in time has the text `timeout`.
+    - TROUBLE: trouble (its kind), text, command.
+    - DONE: step (id), command, action, started_ms, adds, ends, events: what the step changed in the
+      world model; moved: the stages that were reached, [[chain, number, atom]]; arms {name: {q,
+      place, inside, straight}}: where those are that have moved, in a run with motion.
+    - RESULT: command, action, result (the fact of the result pattern, or empty), and where the
+      domain says what is measured of, quantity, value, unit, nominal, lower, upper, uncertainty,
+      risk, passed, tool.
+    - ALIGNMENT: part (twelve numbers, as in commands; empty if no place of the part fits), centre,
+      covariance, wrong (datums that disagree), datums (how many agree), why (none fits): where the
+      part lies, from here on.
+    - EXCEPTION: exception (its name in the fault base, else the reply), known, step, action,
+      command, reply.
+    - FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis,
+      probability]] before it, expected_cost.
+    - DIAGNOSIS: exception, causes [[hypothesis, probability]], cured, isolated, cost.
+    - WORLD: why, adds, ends, reached: the world model was corrected; bodies {name: {at, rpy, box}},
+      if some were seen.
+    - GIVEN_UP: goal, why.
+    - GOAL: goal: a stage was reached.
+    - ORDER: order, given (what it says besides), origin (terminal, socket), who and when (date and
+      time, UTC) if known.
+    - DECISION: what, why: a choice of the executive between alternatives.
+    - PHASE: phase, why.
+    - CHECKPOINT: state: from here a resumed run can go on without reading older records; or rest:
+      what is left of a long plan, as in PLAN, before the checkpoint that refers to it; more steps
+      of it are in so many records before (pages).
+    - END: outcome (reached, partly, stopped, aborted, paused), why, goals, open_goals, given_up
+      [[goal, why]], makespan_ms.
     """
 
     RUN = "run"

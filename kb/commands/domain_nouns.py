@@ -151,12 +151,12 @@ class NounVocabulary:
 
     def usual_noun(self, type_: str) -> str:
         """What an object of a type is called where nobody has said it: the noun that all their
-        names begin with, or the type.
+        names begin with, else the first noun of the type.
         """
         names = [name for name in self.objects if self.is_a(name, type_)]
         stems = {tuple(re.sub(r"_?\d+$", "", name).lower().split("_")) for name in names}
         common = stems & set(self._said(type_)) if len(stems) == 1 else ()
-        return " ".join(next(iter(common), (type_.replace("_", " "),)))
+        return " ".join(next(iter(sorted(common)), next(self._said(type_))))
 
     def _said(self, type_: str) -> Iterator[Noun]:
         plain = type_.replace("_", " ")

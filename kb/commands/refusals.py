@@ -1,6 +1,7 @@
 """Explains why a sentence is not understood: what no command can say, and the nearest phrase."""
 
 import difflib
+import re
 import unicodedata
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from cellwright.kb.commands.phrase_patterns import (
     PatternSlot,
     PatternWord,
     expand_pattern,
+    noun_plurals,
     read_pattern,
     readable_pattern,
 )
@@ -62,7 +64,7 @@ REFUSED_WORDS = {
     ),
     "says which object belongs to which act, and a command cannot": (
         "respectively alternately",
-        "say one act for each object: 'put probe 1 into ..., put probe 2 into ...'",
+        "say one act for each object: 'put {noun} 1 into ..., put {noun} 2 into ...'",
     ),
     "says how, and only the phrases of the domain say that": (
         "quickly slowly carefully gently quietly fast faster slower immediately asap possible "
@@ -88,7 +90,7 @@ REFUSED_WORDS = {
     ),
     "leaves objects out, and stands directly behind those that it is about": (
         " ".join(EXCEPT),
-        "such as 'all probes except probe 2'",
+        "such as 'all {nouns} except {noun} 2'",
     ),
     "keeps something as it is, and a command only says what is to be done": (
         "keep keeps keeping leave leaves leaving remain remains stay stays hold holds",
@@ -108,7 +110,7 @@ REFUSED_WORDS = {
     ),
     "repeats other acts, and a command names each": (
         "do likewise ditto same",
-        "name the objects together: 'probes 1 and 2'",
+        "name the objects together: '{nouns} 1 and 2'",
     ),
 }
 WORD_REASONS = {
@@ -145,7 +147,7 @@ REFUSED_SAYINGS = {
 }
 SAYING_HINTS = {
     AT_SAME_TIME: REFUSED_WORDS[AT_SAME_TIME][1],
-    OBJECT_ORDER: "such as 'heat probe 1 for 5 min, then probe 2'",
+    OBJECT_ORDER: "such as '... {noun} 1, then {noun} 2'",
     "leaves a choice, and a command says which": "name the objects",
     "says when by the clock, and a command only says what comes before what": "leave it out",
 }
@@ -189,21 +191,29 @@ FOREIGN_WORDS = {language: frozenset(words.split()) for language, words in LANGU
 
 
 def find_refusal(
-    said: Sequence[SentencePiece], index: int, known: Collection[str], example: str
+    said: Sequence[SentencePiece], index: int, known: Collection[str], example: str, noun: str
 ) -> CommandRefusal | None:
     """Why a sentence that is not understood from piece `index` on cannot be said; None if only its
     words are unknown.
 
     `known` are the words of the domain, which are never taken for anything else. `example` is one
-    of its phrases.
+    of its phrases, `noun` what people call one of its objects.
     """
     strange = [piece for piece in said if piece.lower not in known and piece.value is None]
     refused = next(_possible_refusals(said, index, strange, example), None)
-    return (
-        None
-        if refused is None
-        else replace(refused, hint=refused.hint.replace("{example}", example))
+    if refused is None:
+        return None
+    hint = refused.hint.replace("{noun}", noun).replace("{nouns}", noun_plurals(noun)[1])
+    return replace(refused, hint=hint.replace("{example}", example))
+
+
+def _object_noun(domain: Domain, vocabulary: NounVocabulary) -> str:
+    """What people call an object of the first type that a phrase of the domain is about."""
+    slot_types = (
+        type_ for phrase in domain.phrases for type_ in re.findall(r"\{\w+:(\w+)\}", phrase.say)
     )
+    subject = next((type_ for type_ in slot_types if type_ in domain.types), "")
+    return vocabulary.usual_noun(subject) if subject else "object"
 
 
 def _possible_refusals(
@@ -269,7 +279,7 @@ def _no_act(said: Sequence[SentencePiece], index: int) -> Iterator[CommandRefusa
         return
     word = "as soon as" if words[place] == "soon" else words[place]
     message = f"'{word}' needs an act behind it that the phrases of the domain know"
-    hint = f"such as '{word} probe 1 is heated for 5 min, store it'; or use 'then'"
+    hint = "say an act there, such as '{example}'; or use 'then'"
     yield CommandRefusal(said[place].offset, message, hint)
 
 
@@ -356,7 +366,13 @@ def explain_misunderstanding(
     said, index = error.said, error.index
     example = readable_pattern(domain.phrases[0].say)
     if (
-        refused := find_refusal(said, index, _known_words(domain, vocabulary), example)
+        refused := find_refusal(
+            said,
+            index,
+            _known_words(domain, vocabulary),
+            example,
+            _object_noun(domain, vocabulary),
+        )
     ) is not None:
         return Diagnostic(place(refused.offset), "K602", refused.message, refused.hint)
     near = ""

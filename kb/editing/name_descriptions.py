@@ -323,5 +323,6 @@ def _rule_entries(file: FileIndex) -> Iterator[OutlineEntry]:
             entries.setdefault(occurrence.name, []).append(part)
     for name, rules in entries.items():
         first = rules[0]
-        yield OutlineEntry(name, "predicate", first.start, max(rule.end for rule in rules), first.start, first.name_end,
+        yield OutlineEntry(name, "predicate", first.start, max(rule.end for rule in rules),
+                    first.start, first.name_end,
                     tuple(rules) if len(rules) > 1 else ())  # fmt: skip

@@ -25,7 +25,8 @@ from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Term, Variable
 
 MEASURE_TERMS = ("of", "by", "value")
 MEASURE_NUMBERS = {
-    "nominal": "int", "tolerance": "int", "lower": "int", "upper": "int", "uncertainty": "int", "risk": "int", "worth": "time",
+    "nominal": "int", "tolerance": "int", "lower": "int", "upper": "int", "uncertainty": "int",
+    "risk": "int", "worth": "time",
     "usual": "int",
 }  # fmt: skip
 SIGNED_NUMBERS = ("nominal", "lower", "upper", "usual")

@@ -138,7 +138,8 @@ def _build_json_tree(file: File, most: int) -> YamlNode | None:
     )  # a node is made for each value: the constructor of a named tuple takes twice as long
     # Each part begins where the last one ends: a search from any other place would go through long
     # blanks again and again.
-    for match in iter(_JSON_PART.scanner(file.text, 0, whole).match, None):  # type: ignore[attr-defined]
+    scanner = _JSON_PART.scanner(file.text, 0, whole)  # type: ignore[attr-defined]
+    for match in iter(scanner.match, None):
         kind, end = match.lastindex or 0, match.end()
         first, last = match.span(kind)
         if kind == OPENING:

@@ -33,5 +33,17 @@ def json_schema(kind: str) -> dict[str, Any]:
     """The JSON Schema of a kind of file, with a description of every key."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **form_model(kind).model_json_schema(by_alias=True),
+        **_unbroken(form_model(kind).model_json_schema(by_alias=True)),
     }
+
+
+def _unbroken(schema: Any) -> Any:
+    """A schema whose descriptions have one line for each paragraph, however docstrings break."""
+    if isinstance(schema, dict):
+        return {
+            key: " ".join(value.split())
+            if key == "description" and isinstance(value, str)
+            else _unbroken(value)
+            for key, value in schema.items()
+        }
+    return [_unbroken(item) for item in schema] if isinstance(schema, list) else schema

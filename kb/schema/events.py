@@ -276,8 +276,9 @@ class EndEvent(_Event):
 
 
 AnyEvent = Annotated[
-    RunEvent | PlanEvent | CommandEvent | ReplyEvent | TroubleEvent | DoneEvent | ResultEvent | ExceptionEvent
-    | FindingEvent | DiagnosisEvent | WorldEvent | GivenUpEvent | GoalEvent | OrderEvent | DecisionEvent
+    RunEvent | PlanEvent | CommandEvent | ReplyEvent | TroubleEvent | DoneEvent | ResultEvent
+    | ExceptionEvent | FindingEvent | DiagnosisEvent | WorldEvent | GivenUpEvent | GoalEvent
+    | OrderEvent | DecisionEvent
     | PhaseEvent | CheckpointEvent | EndEvent | AlignmentEvent,
     Field(discriminator="kind"),
 ]  # fmt: skip

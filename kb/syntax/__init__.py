@@ -396,7 +396,8 @@ def _as_literals(read: tuple[Any, ...]) -> tuple[Literal, ...]:
 
 
 _OF_TERMS: Mapping[str, Callable[[tuple[Any, ...]], Any]] = {
-    "atoms": tuple, "stages": tuple, "terms": tuple, "atom": _only_term, "term": _only_term, "conditions": _as_literals, "body": _as_literals,
+    "atoms": tuple, "stages": tuple, "terms": tuple, "atom": _only_term, "term": _only_term,
+    "conditions": _as_literals, "body": _as_literals,
 }  # fmt: skip
 
 

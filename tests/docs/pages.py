@@ -22,6 +22,7 @@ from cellwright.engine.faces.cli import app
 
 TOP = Path(__file__).parents[2]
 PATHS = [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]
+DECISIONS = sorted(TOP.glob("docs/decisions/*.md"))
 GAP = "..."
 LINE = r'cellwright (?:[^"\n]|"[^"]*")*'
 PART = re.compile(
@@ -124,5 +125,9 @@ def write(path: Path, shown: Iterable[tuple[Run, str]]) -> None:
     page = path.read_text("utf-8")
     for each, text in sorted(shown, key=lambda item: -item[0].start):
         if each.shown is not None:
-            page = page[: each.start] + text + page[each.end :]
+            start, end = each.start, each.end
+            if page[start:end] != each.shown:  # an earlier test has changed what stands above
+                start = page.index(each.shown)
+                end = start + len(each.shown)
+            page = page[:start] + text + page[end:]
     path.write_text(page, "utf-8")

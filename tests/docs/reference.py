@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Iterator, Mapping
+from textwrap import fill
 from typing import Any
 
 from cellwright.kb.schema import json_schema
@@ -41,9 +42,10 @@ FILES = {
 }
 HEAD = """# Reference of all files
 
-Every key of every kind of file. This page is made of the schemas in [schema/](schema), with which editors complete and explain keys;
-`cellwright schema KIND` prints them. What the keys mean together is told on the pages that each section names.
-Keys with a * must be there. What several kinds of files have in common is told at the first of them.
+Every key of every kind of file. This page is made of the schemas in [schema/](schema), with which
+editors complete and explain keys; `cellwright schema KIND` prints them. What the keys mean together
+is told on the pages that each section names. Keys with a * must be there. What several kinds of
+files have in common is told at the first of them.
 """
 
 
@@ -58,17 +60,21 @@ def _section(kind: str, told: dict[str, Part]) -> Iterator[str]:
     name, about, link = FILES[kind]
     schema = json_schema(kind)
     definitions = schema.get("$defs", {})
-    yield f"\n## {name}\n\n{about} More: [{link.partition('#')[0]}]({link}).\n"
+    more = f"{about} More: [{link.partition('#')[0]}]({link})."
+    yield f"\n## {name}\n\n{_filled(more)}\n"
     if schema.get("properties"):
         yield _table(schema, definitions)
     for each in definitions:
         if definitions[each].get("properties") and told.get(each) != definitions[each]:
             told[each] = definitions[each]
-            yield (
-                f"\n### {name}: "
-                f"{_title(each)}\n\n{_sentence(definitions[each].get('description', ''))}\n"
-            )
+            sentence = _sentence(definitions[each].get("description", ""))
+            yield f"\n### {name}: {_title(each)}\n\n{_filled(sentence)}\n"
             yield _table(definitions[each], definitions)
+
+
+def _filled(prose: str) -> str:
+    """Prose in lines of at most 100 columns."""
+    return fill(prose, 100, break_long_words=False, break_on_hyphens=False)
 
 
 def _table(part: Part, definitions: Part) -> str:

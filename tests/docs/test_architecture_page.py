@@ -76,3 +76,21 @@ def test_what_the_page_names_is_there() -> None:
         ), name
     for name in folders:
         assert (TOP / name).exists(), name
+
+
+def test_the_rooms_of_the_pipelines_stand_in_the_order_of_their_contract() -> None:
+    below = PAGE[PAGE.index("The rooms of the pipelines stand on floors") :]
+    rows = re.findall(r"^\| ([a-z_, ]+) \| [A-Z]", below, re.MULTILINE)
+    container = "cellwright.engine.pipelines"
+    assert [[f"{container}.{room}" for room in row.split(", ")] for row in rows] == [
+        sorted(layer) for layer in layers(container)
+    ]
+
+
+def test_the_lists_of_folders_name_modules_that_are_there() -> None:
+    items = re.findall(r"^- `((?:kb|engine)/[\w/]+)`(.*(?:\n  .*)*)", PAGE, re.MULTILINE)
+    assert len(items) > 20
+    for folder, text in items:
+        inside = {path.stem for path in (TOP / folder).rglob("*")}
+        named = set(re.findall(r"`(\w+)`", text))
+        assert named <= inside, (folder, named - inside)

@@ -24,12 +24,11 @@ from cellwright.engine.formats.interop.results import write_results as written_r
 from cellwright.engine.stages.vision.sensor_images import of_depths
 from cellwright.kb.model.cell_model import Ranging
 from cellwright.kb.model.measured_results import Measured, Results
-from tests.docs.pages import PATHS, Run, assert_shown, parts, run
+from tests.docs.pages import DECISIONS, PATHS, Run, assert_shown, parts, run
 
 TOP = Path(__file__).parents[2]
-PAGES = {
-    file.name: file.read_text("utf-8")
-    for file in [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]
+PAGES = {file.name: file.read_text("utf-8") for file in PATHS} | {
+    f"decisions/{file.name}": file.read_text("utf-8") for file in DECISIONS
 }
 COMMANDS = PAGES["command-line.md"]
 FIRST_PAGES = ("README.md", "first-steps.md", "command-line.md")
@@ -306,6 +305,6 @@ def test_every_picture_is_shown_where_its_command_stands() -> None:
 
 @pytest.mark.parametrize("name", PAGES)
 def test_links_lead_somewhere(name: str) -> None:
-    folder = TOP if name == "README.md" else TOP / "docs"
+    folder = TOP if name == "README.md" else (TOP / "docs" / name).parent
     targets = re.findall(r"\]\(([^)#]+)[^)]*\)", PAGES[name])
     assert [each for each in targets if ":" not in each and not (folder / each).exists()] == []

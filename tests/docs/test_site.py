@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.pages import PATHS, TOP
+from tests.docs.pages import DECISIONS, PATHS, TOP
 
 DOCS = TOP / "docs"
 BUILDER = ["sphinx", "myst_parser", "furo"]
@@ -37,11 +37,16 @@ def built(docs: Path, site: Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_every_page_is_in_the_contents() -> None:
-    listed = re.findall(
-        r"^- \[[^\]]*\]\(([\w-]+\.md)\)$", (DOCS / "index.md").read_text("utf-8"), re.MULTILINE
-    )
     pages = {path.name for path in PATHS} - {"README.md", "index.md"}
-    assert sorted(listed) == sorted(pages)
+    assert listed(DOCS / "index.md") == sorted(pages | {"decisions/index.md"})
+    topics = {path.name for path in DECISIONS} - {"index.md"}
+    assert listed(DOCS / "decisions" / "index.md") == sorted(topics)
+
+
+def listed(page: Path) -> list[str]:
+    """The pages that a page lists, one a line."""
+    text = page.read_text("utf-8")
+    return sorted(re.findall(r"^- \[[^\]]*\]\(([\w/-]+\.md)\)$", text, re.MULTILINE))
 
 
 @needs_builder

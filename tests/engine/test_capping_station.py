@@ -16,7 +16,7 @@ from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.pipelines.simulators import Injection
 from cellwright.kb.loader import load
 from cellwright.kb.loader.fault_base import load_faults
-from tests.engine.pipelines.execution.cells import executed
+from tests.engine.pipelines.execution.executed_cells import executed
 
 CELL = Path(__file__).parents[1] / "domains" / "capping"
 PROBLEMS = sorted(path.stem for path in (CELL / "problems").glob("*.yaml"))

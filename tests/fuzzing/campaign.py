@@ -1,7 +1,8 @@
 """`make fuzz`: mutated inputs for every reader, whole domains, and whole command lines, until the
 time is over.
 
-    python tests/fuzzing/campaign.py [--minutes 10] [--seed 1] [--only NAME] [--state FOLDER] [--show NAME NUMBER]
+    python tests/fuzzing/campaign.py [--minutes 10] [--seed 1] [--only NAME] [--state FOLDER]
+        [--show NAME NUMBER]
 
 A case is known by seed, name and number, so a campaign goes on where it stopped, and `--show`
 writes what a case was. Exit code 1 if a case raised what no reader promises, took more than 20 s of

@@ -245,7 +245,7 @@ def curved() -> list[bytes]:
     """A QIF part whose face is bounded by a polyline in space and in parameters."""
     from tempfile import TemporaryDirectory
 
-    from tests.engine.formats.interop.parts import Document, plane, polyline, segment
+    from tests.engine.formats.interop.qif_parts import Document, plane, polyline, segment
 
     document = Document()
     corners = [(0, 0, 0), (40, 0, 0), (40, 30, 0), (0, 30, 0), (0, 0, 0)]

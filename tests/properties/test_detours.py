@@ -14,7 +14,7 @@ from cellwright.engine.stages.diagnosis.fault_problems import CaseObjective
 from cellwright.engine.stages.planning import SearchLimits
 from tests.properties.detours import needless
 from tests.properties.recoveries import Ended, case, faults, interruptions, random_work, work
-from tests.properties.test_recovery import NAMES
+from tests.properties.test_recovered_plans import NAMES
 
 QUICK = (
     ("bulkhead/both_tools", "tool_not_released"),

@@ -2,7 +2,8 @@
 them.
 """
 
-import _signal  # type: ignore[import-not-found]  # `signal` takes milliseconds to load, in which Ctrl-C tells a traceback
+# `signal` takes milliseconds to load, in which Ctrl-C would print a traceback.
+import _signal  # type: ignore[import-not-found]
 import gc
 
 

@@ -18,7 +18,8 @@ VERBS_FOR = {
     "Plan": ("plan", "schedule", "sequence", "explain", "validate", "revise", "prepare"),
     "Carry out": ("run", "resume", "monitor", "results", "driver"),
     "Tell a run that goes on": (
-        "stop", "interrupt", "continue", "approve", "answer", "add", "skip", "retry", "back", "correct", "abort",
+        "stop", "interrupt", "continue", "approve", "answer", "add", "skip", "retry", "back",
+        "correct", "abort",
     ),
     "Find faults": ("diagnose",),
     "Geometry, parts and "
@@ -29,13 +30,16 @@ VERBS_FOR = {
 
 OPTIONS_FOR = {
     "What is wanted": (
-        "--goals", "--command", "--objective", "--order", "--window", "--lasts", "--before", "--margin", "--upright",
+        "--goals", "--command", "--objective", "--order", "--window", "--lasts", "--before",
+        "--margin", "--upright",
     ),
     "The answer": (
-        "--format", "--output", "--stats", "--folded", "--explain", "--tree", "--events", "--watch", "--azimuth", "--elevation",
+        "--format", "--output", "--stats", "--folded", "--explain", "--tree", "--events",
+        "--watch", "--azimuth", "--elevation",
     ),
     "Limits": (
-        "--time-limit", "--memory-limit", "--expansions", "--work", "--budget", "--bridges", "--refine", "--seed", "--race",
+        "--time-limit", "--memory-limit", "--expansions", "--work", "--budget", "--bridges",
+        "--refine", "--seed", "--race",
         "--anytime", "--jobs", "--cluster",
     ),
 }  # fmt: skip

@@ -17,7 +17,8 @@ from cellwright.kb.diagnostics import InvalidInput
 SIZE_FIELDS = ("nominal", "tolerance", "bore")  # millimetres, may be empty
 POINT_COLUMNS = ("name", "kind", "x", "y", "z", *SIZE_FIELDS, "tool")
 NUMBER_CELL = """<q-td :props="props"><q-input dense borderless type="number" v-model.number="props.row[props.col.name]"
-  :aria-label="props.col.name + ' of ' + props.row.name" input-style="width: 5em" :readonly="READ_ONLY"
+  :aria-label="props.col.name + ' of ' + props.row.name" input-style="width: 5em"
+  :readonly="READ_ONLY"
   @change="() => $parent.$emit('edited', props.row)" /></q-td>"""
 ANY_TOOL = "any"  # tool
 # colours, and how large a point is shown, of everything

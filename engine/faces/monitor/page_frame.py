@@ -40,8 +40,10 @@ PAGE_LAYOUT = """
 .split { display: flex; width: 100%; gap: 8px; align-items: flex-start; }
 .views { flex: 1; min-width: 0; }
 .q-tab-panel { overflow-x: auto; }
-.chosen { width: 300px; position: sticky; top: 42px; max-height: calc(100vh - 100px); overflow-y: auto; padding: 8px;
-  border-left: 3px solid #d02090; overflow-wrap: anywhere; flex-wrap: nowrap; background: white; z-index: 2; }
+.chosen { width: 300px; position: sticky; top: 42px; max-height: calc(100vh - 100px);
+  overflow-y: auto; padding: 8px;
+  border-left: 3px solid #d02090; overflow-wrap: anywhere; flex-wrap: nowrap; background: white;
+  z-index: 2; }
 .body--dark .chosen { background: #1d1d1d; }
 .body--dark .text-primary, .body--dark a:not(.text-white) { color: #8fc1f2 !important; }
 @media (max-width: 1000px) {

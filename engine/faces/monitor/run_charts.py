@@ -18,10 +18,12 @@ STEP_LOOKS = {  # fill, and the sign that a step has beside its colour
 }
 STEP_INK = {"planned": "#1b1b1b", "running": "#1b1b1b", "done": "#ffffff", "failed": "#ffffff"}
 RUN_CHART_STYLE = """
-  .planned .bar { stroke: #5a6270; stroke-dasharray: 3 2; } .step:focus .bar { stroke: #1f6fb5; stroke-width: 2.5; }
+  .planned .bar { stroke: #5a6270; stroke-dasharray: 3 2; } \
+.step:focus .bar { stroke: #1f6fb5; stroke-width: 2.5; }
   .bar { cursor: pointer; } .chosen { stroke: #1b1b1b; stroke-width: 2.5; }
   .text { fill: #1b1b1b; } .now { stroke: #1f6fb5; } .grid { stroke: #c8ccd4; }
-  .body--dark .text { fill: #e8e8e8; } .body--dark .chosen { stroke: #ffffff; } .body--dark .grid { stroke: #444a55; }
+  .body--dark .text { fill: #e8e8e8; } .body--dark .chosen { stroke: #ffffff; } \
+.body--dark .grid { stroke: #444a55; }
 """
 
 

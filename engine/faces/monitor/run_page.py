@@ -92,8 +92,9 @@ PHASE_LOOKS = {  # phase or end of a run: its sign, its colour, and what it mean
     "stopped": ("■", "red-9", "a safe stop: nothing moves"),
     "aborted": ("✗", "red-9", "ended for good"),
 }
-KEY_HELP = """k plays or stands · , . one record · Home End · x next exception · l live · 1 to 9, 0 and - views ·
-f choose by name · Esc choose nothing · p pause · c go on · s stop · r retry · y approve · m more orders"""
+KEY_HELP = """k plays or stands · , . one record · Home End · x next exception · l live ·
+1 to 9, 0 and - views · f choose by name · Esc choose nothing · p pause · c go on · s stop ·
+r retry · y approve · m more orders"""
 
 
 class RunPage:

@@ -61,7 +61,8 @@ def start_command(words: Sequence[str], folder: Path) -> PageCommand:
     job = PageCommand(tuple(words))
     size = {**os.environ, "COLUMNS": "110", "LINES": "40", "TERM": "xterm"}
     process = subprocess.Popen(
-        [*COMMAND_LINE, *words], cwd=folder, env=size, stdin=subprocess.DEVNULL, stdout=theirs, stderr=theirs, start_new_session=True
+        [*COMMAND_LINE, *words], cwd=folder, env=size, stdin=subprocess.DEVNULL, stdout=theirs,
+        stderr=theirs, start_new_session=True
     )  # fmt: skip
     os.close(theirs)
     threading.Thread(target=_follow_output, args=(job, process, ours), daemon=True).start()

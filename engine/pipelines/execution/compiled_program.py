@@ -86,7 +86,8 @@ def compile_plan(
         activities[number] = replace(activity, rests=number in rests, process=process)
     dwells = tuple(
         dict.fromkeys(
-            Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays
+            Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms, s.thing, s.place)
+            for s in stays
         )
     )
     program = ActivityProgram(activities, dwells, timed, hands=hands)

@@ -93,11 +93,14 @@ def order_entry(
     }
 
 
-def _dwell_entry(dwell: Dwell, ended: Mapping[int, int]) -> list[int]:
+def _dwell_entry(dwell: Dwell, ended: Mapping[int, int]) -> list[int | str | None]:
     source, since = dwell.source, dwell.since_ms
     if source in ended:
         source, since = 0, ended[source]
-    return [source, dwell.target, dwell.most_ms, *([] if since is None else [since])]
+    entry: list[int | str | None] = [source, dwell.target, dwell.most_ms]
+    if dwell.thing:
+        return [*entry, since, dwell.thing, dwell.place]
+    return [*entry, *([] if since is None else [since])]
 
 
 def end_entry(ending: Finish) -> dict[str, Any]:

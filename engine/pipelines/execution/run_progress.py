@@ -212,7 +212,8 @@ GROWING_KEYS = (
     "pages",
 )  # what of a plan's record grows with the plan, or is true only once
 VERDICT_FIELDS = (
-    "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk", "passed", "tool",
+    "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk",
+    "passed", "tool",
 )  # fmt: skip
 
 
@@ -463,14 +464,11 @@ class RunProgress:
     def threatened(self, threat: executive.Threatened) -> None:
         """Tell that something stays too long, or will."""
         target = self.compiled.program.activities[threat.dwell.target]
-        threat_text = (
-            "it stays too long" if threat.over else "as things stand, it will stay too long"
-        )
-        late = f"by {round(threat.late_ms / 1000, 3):g} s at least"
+        thing = threat.dwell.thing or f"what {target.action} takes away"
+        place = f"in {threat.dwell.place}" if threat.dwell.place else "in its place"
+        late = f"at least {round(threat.late_ms / 1000, 3):g} s too long {place}"
         if threat.over:
-            self.told.append(
-                f"what {target.action} takes away stayed too long (longest_stay), {late}"
-            )
+            self.told.append(f"{thing} was {late}")
         self.recorder.note(
             RecordKind.EXCEPTION,
             exception="stays_too_long",
@@ -478,7 +476,9 @@ class RunProgress:
             step=threat.dwell.target,
             action=target.action,
             command=None,
-            reply=f"{threat_text}: {late}",
+            reply=f"{thing} is {late}"
+            if threat.over
+            else f"as things stand, {thing} will be {late}",
         )
 
 

@@ -1,11 +1,13 @@
 """Driver `camera`: a simulated cell whose camera makes images, is calibrated and maps depths.
 
-| step | what it does | its reply |
-| --- | --- | --- |
-| `calibrate_range` | shows plates at known distances to the range finder | `range(Offset, Scale, Noise)` in um, millionths, um |
-| `calibrate_camera` | the arm holds the target before the camera in many poses | `camera(Focal, Column, Row, Within)` in thousandths of a pixel, um |
-| `check_camera` | the arm holds it there once | `off(Off)` in um, or `displaced` |
-| `take_depth_map` | takes an image | `map(Number, Seen)`; of a thousand pixels, how many have a depth |
+Steps and their replies:
+
+- `calibrate_range` shows plates at known distances to the range finder; `range(Offset, Scale,
+  Noise)` in um, millionths, um.
+- `calibrate_camera` holds the target before the camera in many poses; `camera(Focal, Column, Row,
+  Within)` in thousandths of a pixel, um.
+- `check_camera` holds the target there once; `off(Off)` in um, or `displaced`.
+- `take_depth_map` takes an image; `map(Number, Seen)`: of a thousand pixels, how many have a depth.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -115,7 +115,8 @@ def _peg_xml(peg: RoundPeg, soft: bool, tilt_rad: float) -> str:
 <option timestep="{PEG_STEP_S}" gravity="0 0 0" integrator="implicitfast" cone="elliptic"/>
 <default><geom friction="0.2 0.001 0.0001" solref="0.002 1" solimp="0.98 0.999 0.00005"/></default>
 <worldbody>{ring}
-<body name="hand"><inertial pos="0 0 {peg.length_m}" mass="0.5" diaginertia="1e-3 1e-3 1e-3"/>{slides}
+<body name="hand"><inertial pos="0 0 {peg.length_m}" mass="0.5"
+ diaginertia="1e-3 1e-3 1e-3"/>{slides}
 <body name="peg" euler="{tilt_rad} 0 0">{hinges}
 <geom type="cylinder" size="{peg.radius_m} {length}" pos="0 0 {length}" mass="0.2"/>
 <site name="wrist" pos="0 0 {peg.length_m}"/></body></body></worldbody>

@@ -1,7 +1,8 @@
 """Unmodelled bodies and facts of a simulated cell, which nobody knows until they are met.
 
     --option obstacles=FILE    # a `cell.yaml` with the bodies under `fixtures`
-    --option really=FACTS      # "at(brick, top); -at(brick, shelf)": what is true, and behind a `-` what is not
+    --option really=FACTS      # "at(brick, top); -at(brick, shelf)": what is true, and
+                               # behind a `-` what is not
 
 What the arm has met is known from then on.
 """

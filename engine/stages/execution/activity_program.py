@@ -36,13 +36,16 @@ class Activity:
 class Dwell:
     """What `source` has brought about may wait for `target` no longer than `most_ms`.
 
-    What was there before the program has no source: it waits `since_ms`.
+    What was there before the program has no source: it waits `since_ms`. Messages name the `thing`
+    that waits and its `place`.
     """
 
     source: int
     target: int
     most_ms: int
     since_ms: int | None = None
+    thing: str = field(default="", compare=False)
+    place: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)

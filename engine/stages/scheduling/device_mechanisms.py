@@ -45,7 +45,7 @@ class DeviceMechanism:
             if step.preconditions & self.atoms
         ]
         if len({setting for setting, _, _ in wanted}) > 1:
-            raise Unstructured(f"one block needs two settings of {self.device.name}")
+            raise Unstructured(f"one errand of an arm needs two settings of {self.device.name}")
         if wanted:
             yield Need(self.device.name, wanted[0][0], wanted[0][1], wanted[-1][2])
 

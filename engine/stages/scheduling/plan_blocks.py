@@ -200,7 +200,7 @@ def _block_of(segment: _Segment, subjects: Sequence[Term], stages: Bits) -> Bloc
         s for s in subjects if any(contains_term(done_step.step.instance, s) for done_step in done)
     ]
     if len(mentioned) > 1:
-        raise Unstructured(f"{' and '.join(map(str, mentioned))} are moved by one block")
+        raise Unstructured(f"one errand of an arm moves {' and '.join(map(str, mentioned))}")
     reaches = any((done_step.ends | done_step.makes) & stages for done_step in done)
     return Block(
         tuple(done_step.step for done_step in done),

@@ -286,7 +286,9 @@ def reorder_steps(
     solver = cp_model.CpSolver()
     status = run_solver(solver, model.cp, limits)
     if status == cp_model.INFEASIBLE:
-        return Infeasible("no order of the steps keeps to all longest stays")
+        return Infeasible(
+            "in no order of the steps is everything taken away in time (longest_stay)"
+        )
     if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
         return None
     starts = {

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from cellwright.kb.commands import understand_command
+from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_domain
 from cellwright.kb.model.domain_model import Domain
 from cellwright.kb.model.planning_problem import Chain
@@ -90,3 +91,18 @@ def test_what_is_reached_together_is_one_stage(tmp_path: Path) -> None:
         "p1": "clean(p1) & dry(p1) after nothing",
         "shut": "lid(shut) after p1",
     }
+
+
+@pytest.mark.parametrize(
+    ("sentence", "hint"),
+    [
+        ("dry parts 1 and 2 one after the other", "... box 1, then box 2"),
+        ("dry parts 1 and 2 respectively", "put box 1 into"),
+        ("dry all parts likewise", "'boxes 1 and 2'"),
+    ],
+)
+def test_hints_speak_of_the_objects_of_the_domain(tmp_path: Path, sentence: str, hint: str) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        understand_command(domain(tmp_path), sentence)
+    (diagnostic,) = refused.value.diagnostics
+    assert hint in diagnostic.hint

@@ -88,8 +88,9 @@ def _close_resources() -> None:
 
 
 UNCOMPILED = """\
-The kernels of this installation are not compiled: plans may take sixteen times as long, geometry a hundred times.
-Install a wheel for this system, or install again where there is a C compiler (docs/installation.md).
+The kernels of this installation are not compiled. Plans may take sixteen times as long, geometry a
+hundred times. Install a wheel for this system, or install again where there is a C compiler
+(docs/installation.md).
 """
 
 

@@ -150,7 +150,8 @@ def _start_run(
     store = asked.store or default_store()
     driver_options = options_of(options) | ({"fault": "; ".join(faults)} if faults else {})
     wanted = RunRequest(
-        asked.target, asked.goals, asked.command, asked.driver, store, asked.name, asked.seed, asked.factor, driver_options,
+        asked.target, asked.goals, asked.command, asked.driver, store, asked.name, asked.seed,
+        asked.factor, driver_options,
         asked.approve, asked.motion,
     )  # fmt: skip
     with list_run(wanted, problem) as entered:

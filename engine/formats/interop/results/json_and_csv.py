@@ -16,7 +16,8 @@ LIMITS, SURENESS = ("nominal", "lower", "upper"), ("uncertainty", "risk")
 VALUE_COLUMNS = (*LIMITS, *SURENESS)
 NEW_COLUMNS = (*SURENESS, "conformity")  # tables of older runs lack these
 RESULT_COLUMNS = (
-    "run", "started", "at_ms", "of", "quantity", "value", "unit", *LIMITS, "passed", "tool", "action", *NEW_COLUMNS,
+    "run", "started", "at_ms", "of", "quantity", "value", "unit", *LIMITS, "passed", "tool",
+    "action", *NEW_COLUMNS,
 )  # fmt: skip
 PASSED_WORDS = {True: "yes", False: "no", None: ""}
 
@@ -67,7 +68,8 @@ def _number_text(value: float | None) -> str:
 
 RESULTS_VERSION = 1
 MEASURED_KEYS = (
-    "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk", "passed", "conformity", "tool",
+    "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk",
+    "passed", "conformity", "tool",
     "action", "at_ms",
 )  # fmt: skip
 DERIVED_KEYS = ("passed", "conformity")

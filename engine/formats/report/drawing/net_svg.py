@@ -23,8 +23,10 @@ INK, PAPER, DEVICE, ROBOT, OPERATOR, ONE_WAY = (
 NET_STYLE = """
   .line:hover { stroke-width: 3; }
   @media (prefers-color-scheme: dark) {
-    .paper { fill: #16181c; } .device { fill: #262a31; stroke: #e8e8e8; } .robot { fill: #1f3a57; stroke: #e8e8e8; }
-    .operator { fill: #3a3320; stroke: #e8e8e8; } .line { stroke: #c8c8c8; } .head { fill: #c8c8c8; } .text { fill: #e8e8e8; }
+    .paper { fill: #16181c; } .device { fill: #262a31; stroke: #e8e8e8; } \
+.robot { fill: #1f3a57; stroke: #e8e8e8; }
+    .operator { fill: #3a3320; stroke: #e8e8e8; } .line { stroke: #c8c8c8; } \
+.head { fill: #c8c8c8; } .text { fill: #e8e8e8; }
   }
 """
 

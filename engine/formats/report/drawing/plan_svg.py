@@ -137,7 +137,8 @@ PLAN_STYLE = """
   .link:hover { stroke-width: 3; }
   @media (prefers-color-scheme: dark) {
     .paper { fill: #16181c; } .box { fill: #262a31; stroke: #e8e8e8; } .order { stroke: #e8e8e8; }
-    .link { stroke: #7db4ea; } .given { stroke: #9aa0aa; } .head { fill: #e8e8e8; } .link-head { fill: #7db4ea; }
+    .link { stroke: #7db4ea; } .given { stroke: #9aa0aa; } .head { fill: #e8e8e8; } \
+.link-head { fill: #7db4ea; }
     .given-head { fill: #9aa0aa; } .text { fill: #e8e8e8; } .label { fill: #7db4ea; }
     .given-label { fill: #9aa0aa; }
   }

@@ -127,7 +127,7 @@ def time_text(time: int | None, unit: str) -> list[RenderableType]:
 def tour_summary(tour: Tour, problem: TourProblem) -> str:
     """One line: the number of visits, the cost, and its quality."""
     kind = "closed" if problem.closed else "open"
-    good = "proved least" if tour.proved else f"at most {100 * tour.gap:.2f} % above the least"
+    good = "the least possible" if tour.proved else f"at most {100 * tour.gap:.2f} % above it"
     bound = "no lower bound"
     if tour.gap != float("inf"):
         bound = f"lower bound {length(tour.lower_bound, problem.unit)}: {good}"
@@ -252,7 +252,7 @@ def shares_summary(arm_shares: "SharedMeasurements") -> str:
     count = count_noun(sum(map(len, shares.orders.values())), "measurement")
     most, bound = arm_shares.lasts(shares.makespan), arm_shares.lasts(shares.lower_bound)
     gap = (
-        "proved to be the least"
+        "the least possible"
         if most <= bound
         else f"no way to share them takes less than {bound} {unit}"
     )

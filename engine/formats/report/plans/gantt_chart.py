@@ -56,6 +56,27 @@ def bottleneck_entry(timetable: Timetable) -> dict[str, Any]:
 
 BAR_STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
 SHOP = "of all schedules of this shop"
+# What is proved of a makespan, by its scope. A scope that is not here is told as it is.
+PROVED_WORDS = {
+    SHOP: "the shortest possible",
+    "of all plans": "the shortest possible",
+    "of all orders of these steps": (
+        "shortest for these steps; another choice of steps may be shorter"
+    ),
+    "of all ways to do these steps, also by other means": (
+        "shortest for these steps, also with other arms or machines; "
+        "another choice of steps may be shorter"
+    ),
+    "of all schedules of the blocks of this plan": (
+        "shortest for these steps, each errand in one piece; other steps may be shorter"
+    ),
+    "of all schedules that keep this order of the steps": (
+        "shortest for this order of the steps; another order may be shorter"
+    ),
+    "of all ways in which the arms pass each other, each with its steps in this order": (
+        "shortest for this order of each arm's steps; another order may be shorter"
+    ),
+}
 MIN_BARS_WIDTH = 30  # width in characters of the part with the bars
 
 
@@ -299,9 +320,8 @@ def schedule_summary(schedule: Schedule, unit: str = "", scope: str = "", floor:
         f"; no plan ends before {floor} {unit}".rstrip() if 0 < floor < schedule.makespan else ""
     )
     if schedule.proved:
-        return f"makespan {schedule.makespan} {unit}, proved to be the least {scope}{late}".replace(
-            " ,", ","
-        ).rstrip()
+        proved = PROVED_WORDS.get(scope, f"proved to be the least {scope}".rstrip())
+        return f"makespan {schedule.makespan} {unit}{late}, {proved}".replace(" ,", ",")
     bound = f"at least {schedule.lower_bound}, gap {100 * schedule.gap:.1f} %"
     return f"makespan {schedule.makespan} {unit}, {bound}{late}".replace(" ,", ",")
 
@@ -322,7 +342,7 @@ def kept_order(timetable: Timetable) -> str:
     """Why the steps of a timetable have rows of their own and keep the order of the plan where
     they do.
     """
-    return f"Scheduled step by step, not in blocks: {timetable.note}."
+    return f"Scheduled step by step, not in whole errands of an arm: {timetable.note}."
 
 
 def charted_shop(

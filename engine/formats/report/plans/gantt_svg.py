@@ -25,7 +25,8 @@ STEP_JOB_NAME = re.compile(r"\d+ (\w+)")  # the name of a job that is one step o
 HEIGHT, GAP, MARGIN, WIDTH, CHARACTER, LINE = 22, 6, 16, 1000, 7.3, 16
 GANTT_STYLE = """
   .bar:hover { stroke-width: 2; }
-  @media (prefers-color-scheme: dark) { .paper { fill: #16181c; } .text { fill: #e8e8e8; } .grid { stroke: #444a55; } }
+  @media (prefers-color-scheme: dark) { .paper { fill: #16181c; } .text { fill: #e8e8e8; } \
+.grid { stroke: #444a55; } }
 """
 
 

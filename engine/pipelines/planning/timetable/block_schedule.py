@@ -36,6 +36,7 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Term
 
 SCOPE_BLOCKS = "of all schedules of the blocks of this plan"
+NO_ERRANDS_IN_TIME = "in no order of whole errands is everything taken away in time (longest_stay)"
 
 
 def subjects_of(problem: Problem) -> tuple[Term, ...]:
@@ -56,9 +57,9 @@ def by_blocks(gate: PlanGate, steps: TimedSteps, limits: ScheduleLimits) -> Time
         if isinstance(scheduled, ValidSchedule):
             timetable = _as_plan(gate, steps, work, scheduled)
             longer = not wishes.any and timetable.schedule.makespan > plan_makespan(steps.plan)
-            return "as blocks they take longer" if longer else timetable
+            return "whole errands of the arms take longer" if longer else timetable
         tight = isinstance(scheduled, Infeasible) and _has_dwells(work.shop)
-        return "no order of the blocks keeps to all longest stays" if tight else scheduled.reason
+        return NO_ERRANDS_IN_TIME if tight else scheduled.reason
     except (Unstructured, Mislaid) as error:
         return str(error)
 

@@ -75,7 +75,8 @@ class Memo:
         return at
 
     def _holds(self, at: int, keys: Keys, row: int) -> bool:
-        for word in range(self.width):  # noqa: SIM110  (`all` over a generator would not compile to a loop)
+        # `all` over a generator would not compile to a loop
+        for word in range(self.width):  # noqa: SIM110
             if self.keys.words[at, word] != keys.words[row, word]:
                 return False
         return True

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from tests.engine.formats.interop.parts import Document, plane, segment
+from tests.engine.formats.interop.qif_parts import Document, plane, segment
 from tests.places import BUNDLED
 
 TABLE = "name,x,y,z,nx,ny,nz,kind\na,0,0,0,0,0,1,profile\nb,10,0,0,0,0,1,thickness\n"

@@ -13,7 +13,7 @@ from cellwright.engine.formats.interop.qif.feature_points import inspection_of
 from cellwright.engine.model.run_protocol import RecordKind
 from cellwright.kb.store.journal import Journal, JournalLine
 from tests.engine.faces.monitor.conftest import Serve, approved, at, begun, started
-from tests.engine.formats.interop.parts import Document, plane, segment
+from tests.engine.formats.interop.qif_parts import Document, plane, segment
 
 Open = Callable[[str], Any]
 

@@ -11,7 +11,7 @@ from cellwright.engine.model.tour_problem import Tour
 from cellwright.engine.pipelines.inspection.tool_tours import partition_by_tool, tour_problem
 from cellwright.engine.stages.sequencing import TourLimits, sequence_tour
 from cellwright.kb.loader import load
-from tests.engine.formats.interop.parts import Document, plane, segment
+from tests.engine.formats.interop.qif_parts import Document, plane, segment
 from tests.places import BUNDLED
 
 SQUARE = [(0, 0, 0), (50, 0, 0), (50, 50, 0), (0, 50, 0)]

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from cellwright.engine.formats.interop.qif.feature_points import inspection_of
 from cellwright.engine.model.part_measurements import Inspection
-from tests.engine.formats.interop.parts import (
+from tests.engine.formats.interop.qif_parts import (
     Document,
     Floats,
     Plain,

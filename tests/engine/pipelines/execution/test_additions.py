@@ -22,7 +22,7 @@ from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.stages.grounding import _Grounding, ground
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Journal
-from tests.engine.pipelines.execution.cells import executed, planned
+from tests.engine.pipelines.execution.executed_cells import executed, planned
 
 FOUR = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")
 URGENT = "due(t4, 15 min); priority(t4, 10)"

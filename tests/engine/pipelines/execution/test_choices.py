@@ -15,7 +15,7 @@ from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorS
 from cellwright.kb.asp import ground_term
 from cellwright.kb.model.plan_model import Step, StepId
 from cellwright.kb.terms import Function
-from tests.engine.pipelines.execution.cells import executed
+from tests.engine.pipelines.execution.executed_cells import executed
 
 FOUR = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")
 LATE = SimulatorSettings(8, spread=0.4)

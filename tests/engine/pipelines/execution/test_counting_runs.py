@@ -12,7 +12,7 @@ from cellwright.engine.pipelines.recovery import Dynamics
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load_problem
 from cellwright.kb.terms import Function
-from tests.engine.pipelines.execution.cells import executed
+from tests.engine.pipelines.execution.executed_cells import executed
 
 DOMAIN = """
 domain: doses

@@ -12,7 +12,7 @@ from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Journal
-from tests.engine.pipelines.execution.cells import planned
+from tests.engine.pipelines.execution.executed_cells import planned
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from cellwright.engine.pipelines.execution.run_resumption import PastRun, standi
 from cellwright.engine.pipelines.recovery import SymbolicWorld
 from cellwright.engine.pipelines.simulators import Injection
 from cellwright.engine.stages.execution.start_forecast import Accuracy
-from tests.engine.pipelines.execution.cells import executed, planned
+from tests.engine.pipelines.execution.executed_cells import executed, planned
 
 PICK, STORE = "pick(probe_1, slot(drawer, 1))", "put(probe_1, slot(drawer, 1))"
 BRING = "put(probe_1, slot(furnace, 1))"

@@ -7,7 +7,7 @@ import pytest
 from cellwright.engine.model.run_protocol import RecordKind
 from cellwright.engine.pipelines.simulators import Injection
 from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
-from tests.engine.pipelines.execution.cells import executed, planned
+from tests.engine.pipelines.execution.executed_cells import executed, planned
 
 STEP = "hand_over(left, right, rod_1)"
 FAILURES = {

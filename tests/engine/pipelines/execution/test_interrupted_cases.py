@@ -17,8 +17,8 @@ from cellwright.kb.asp import ground_term
 from cellwright.kb.model.domain_model import Command
 from cellwright.kb.model.plan_model import Step, StepId
 from cellwright.kb.terms import Function, Variable
-from tests.engine.pipelines.execution import cells
-from tests.engine.pipelines.execution.cells import executed
+from tests.engine.pipelines.execution import executed_cells as cells
+from tests.engine.pipelines.execution.executed_cells import executed
 
 MOVED = Injection("us_measure(us_probe, t3_746, m2)", "part_moved", 1, "implausible_value")
 BETWEEN = Injection("pick_up(t3_746, slra)", "tool_misplaced")

@@ -36,7 +36,7 @@ from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader.cell import cell_of
 from cellwright.kb.model.body_shapes import Pose
 from cellwright.kb.model.planning_problem import Problem
-from tests.engine.pipelines.moves.test_moves import SUITS, kiln_room
+from tests.engine.pipelines.motion.test_moving_plan import SUITS, kiln_room
 
 CRATE = "cell: surprise\nfixtures:\n  {name}: {{at: [{at}], shapes: [{{box: [{box}]}}]}}\n"
 WRONG = {

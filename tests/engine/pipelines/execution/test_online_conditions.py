@@ -27,7 +27,7 @@ from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import bundled_domains, load_problem
 from cellwright.kb.model.planning_problem import Problem
-from tests.engine.pipelines.execution.cells import Kept
+from tests.engine.pipelines.execution.executed_cells import Kept
 
 CLOSED = "position(flap, closed)"
 LOOK = '    online:\n      - {fact: "position(flap, closed)", during: true}\n'

@@ -27,7 +27,7 @@ from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorS
 from cellwright.kb.loader import bundled_domains, load_problem
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store.journal import Journal
-from tests.engine.pipelines.execution.cells import Kept, executed, planned
+from tests.engine.pipelines.execution.executed_cells import Kept, executed, planned
 
 FURTHER = GivenOrder(OperatorCommand.ADD, "process probe_2 in the furnace for 5 min")
 

@@ -7,7 +7,7 @@ from cellwright.engine.model.run_protocol import OperatorCommand, RecordKind
 from cellwright.engine.pipelines.execution import GivenOrder, TimedOrders
 from cellwright.engine.pipelines.simulators import Injection
 from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorSettings
-from tests.engine.pipelines.execution.cells import executed, planned
+from tests.engine.pipelines.execution.executed_cells import executed, planned
 
 PICK = "pick(probe_1, slot(drawer, 1))"
 

@@ -17,7 +17,7 @@ from cellwright.engine.model.troubleshooting import (
     field_bits,
 )
 from cellwright.engine.stages.diagnosis import search_arrays
-from tests.engine.stages.diagnosis.cases import (
+from tests.engine.stages.diagnosis.fault_cases import (
     certain,
     each_alone,
     isolations,

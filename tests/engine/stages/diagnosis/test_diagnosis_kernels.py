@@ -17,7 +17,7 @@ from cellwright.engine.model.troubleshooting import Troubleshooting
 from cellwright.engine.stages.diagnosis import search_arrays
 from cellwright.engine.stages.diagnosis.pairs import RATIOS, no_pairs, pair_bounds
 from tests.engine.interpreted import interpreted_package
-from tests.engine.stages.diagnosis.cases import each_alone, isolations, troubles
+from tests.engine.stages.diagnosis.fault_cases import each_alone, isolations, troubles
 from tests.engine.stages.diagnosis.test_unsure_tests import unsure
 
 Modules = dict[str, ModuleType]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from cellwright.engine.model.troubleshooting import CaseStanding, Conclude, Tree, Troubleshooting
 from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
-from tests.engine.stages.diagnosis.cases import certain, isolations, names, troubles
+from tests.engine.stages.diagnosis.fault_cases import certain, isolations, names, troubles
 
 SOME = settings(max_examples=80, deadline=None)
 

@@ -14,7 +14,13 @@ from cellwright.engine.stages.diagnosis.action_selection import (
     BranchAndBound,
     ValueTable,
 )
-from tests.engine.stages.diagnosis.cases import brute_force, certain, each_alone, names, uncertain
+from tests.engine.stages.diagnosis.fault_cases import (
+    brute_force,
+    certain,
+    each_alone,
+    names,
+    uncertain,
+)
 
 
 def sized(causes: int, sure: int, unsure: int = 0) -> Troubleshooting:

@@ -24,7 +24,7 @@ from cellwright.engine.stages.diagnosis.action_selection import (
     ValueTable,
 )
 from cellwright.engine.stages.diagnosis.kernels.memo import Memo
-from tests.engine.stages.diagnosis.cases import (
+from tests.engine.stages.diagnosis.fault_cases import (
     brute_force,
     certain,
     each_alone,

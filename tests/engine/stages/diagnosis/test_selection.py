@@ -22,7 +22,7 @@ from cellwright.engine.stages.diagnosis.action_selection import (
     BranchAndBound,
 )
 from cellwright.engine.stages.diagnosis.hidden_cause import simulated_cost
-from tests.engine.stages.diagnosis.cases import (
+from tests.engine.stages.diagnosis.fault_cases import (
     brute_force,
     certain,
     each_alone,

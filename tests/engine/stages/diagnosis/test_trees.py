@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cellwright.engine.model.troubleshooting import Troubleshooting, expected_cost
 from cellwright.engine.stages.diagnosis.action_selection import BASE_RULES, ActionSelector
 from cellwright.engine.stages.diagnosis.hidden_cause import cost_of_case, cost_under, simulated_cost
-from tests.engine.stages.diagnosis.cases import isolations, priors, troubles
+from tests.engine.stages.diagnosis.fault_cases import isolations, priors, troubles
 
 MANY = settings(max_examples=60, deadline=None)
 

@@ -22,7 +22,7 @@ from cellwright.engine.stages.diagnosis import search_arrays
 from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
 from cellwright.engine.stages.diagnosis.bracketing import BracketSearch
 from cellwright.engine.stages.diagnosis.pairs import POINTS, RATIOS, pair_bounds
-from tests.engine.stages.diagnosis.cases import (
+from tests.engine.stages.diagnosis.fault_cases import (
     COSTS,
     brute_force,
     each_alone,

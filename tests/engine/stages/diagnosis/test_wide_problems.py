@@ -21,7 +21,7 @@ from cellwright.engine.stages.diagnosis.case_session import CaseSession, run_ses
 from cellwright.engine.stages.diagnosis.fault_problems import CaseObjective
 from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld
 from cellwright.kb.model.fault_model import Cause, FaultModel, FaultTest, Interruption, Repair
-from tests.engine.stages.diagnosis.cases import (
+from tests.engine.stages.diagnosis.fault_cases import (
     brute_force,
     certain,
     each_alone,

@@ -24,10 +24,10 @@ from cellwright.kb.model.conditions import And, Literal
 from cellwright.kb.model.plan_model import CausalLink, Macrop, Plan, Step
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Term, Variable, substitute_atom
-from tests.engine.stages.validation.plans import link, step
-from tests.engine.stages.validation.plans import problem as posed
-from tests.properties.plans import ATOMS
+from tests.engine.stages.validation.small_plans import link, step
+from tests.engine.stages.validation.small_plans import problem as posed
 from tests.properties.problems import CONSTANTS, problems
+from tests.properties.random_plans import ATOMS
 
 MANY = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
 

@@ -192,7 +192,7 @@ def test_nothing_stays_in_the_heat_longer_than_allowed(laboratory: Path) -> None
         "probe_1": True,
         "probe_2": True,
     }
-    assert tight.note == "no order of the steps keeps to all longest stays"
+    assert tight.note == "in no order of the steps is everything taken away in time (longest_stay)"
 
 
 def test_release_and_due_times_are_kept_in_mind(laboratory: Path) -> None:

@@ -14,7 +14,7 @@ from cellwright.engine.stages.states.net_player import NetPlayer, NetSituation
 from cellwright.engine.stages.states.state_generation import generate_states
 from cellwright.engine.stages.states.token_types import token_types
 from cellwright.kb.model.contact_model import ContactModel
-from tests.engine.stages.states.cells import Recipe, Slow, cell, recipes
+from tests.engine.stages.states.random_cells import Recipe, Slow, cell, recipes
 
 few = settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 

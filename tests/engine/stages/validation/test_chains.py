@@ -16,7 +16,7 @@ from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.model.plan_model import Claims, Plan, Step
 from cellwright.kb.model.planning_problem import Chain, Problem
 from cellwright.kb.terms import Atom, join_stage
-from tests.engine.stages.validation.plans import atom, link, problem, step, wrong
+from tests.engine.stages.validation.small_plans import atom, link, problem, step, wrong
 
 DOMAIN = """domain: bell
 types: {thing: object, mark: object}

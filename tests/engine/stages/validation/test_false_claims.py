@@ -7,7 +7,7 @@ import pytest
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.model.plan_model import CausalLink, Claims, Happened, Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
-from tests.engine.stages.validation.plans import atom, link, problem, step
+from tests.engine.stages.validation.small_plans import atom, link, problem, step
 
 BENCH = """domain: bench
 types: {item: object}

@@ -18,7 +18,7 @@ from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import ANYTHING, Function
 from tests.engine.stages.validation.test_precedence import plans
-from tests.properties.plans import posed
+from tests.properties.random_plans import posed
 
 A = Function("a")
 SOME = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))

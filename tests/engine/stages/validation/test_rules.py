@@ -7,7 +7,7 @@ import pytest
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.engine.stages.validation.step_interference import MAX_UNCERTAIN
 from cellwright.kb.model.plan_model import Plan
-from tests.engine.stages.validation.plans import AT_HOME, CELL, link, problem, step, wrong
+from tests.engine.stages.validation.small_plans import AT_HOME, CELL, link, problem, step, wrong
 
 ARM_BOLT, ARM_NUT = ("arm", "bolt"), ("arm", "nut")
 BOLT_MOVES = step(1, "move(bolt, table, bin)", holds=ARM_BOLT)

@@ -17,7 +17,7 @@ from cellwright.kb.model.conditions import Literal
 from cellwright.kb.model.domain_model import Default
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import ANYTHING, Function
-from tests.engine.stages.validation.plans import CELL, atom, link, problem, step, wrong
+from tests.engine.stages.validation.small_plans import CELL, atom, link, problem, step, wrong
 from tests.properties.problems import CONSTANTS, ONE_X, X, atoms, problems
 
 MANY = settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))

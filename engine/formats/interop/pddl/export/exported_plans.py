@@ -60,7 +60,10 @@ class LiftedPlans:
         for words, offset in plan_actions(text):
             if words[0] not in self.others:
                 read = self._instance(words, file.at(offset))
-                (instances if isinstance(read, Function) else diagnostics).append(read)  # type: ignore[arg-type]
+                if isinstance(read, Function):
+                    instances.append(read)
+                else:
+                    diagnostics.append(read)
         if diagnostics:
             raise InvalidInput(diagnostics)
         return _plan_of_instances(instances, self.task)
