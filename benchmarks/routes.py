@@ -1,7 +1,8 @@
 """What a library of MACROPs is worth where every problem is new: random cells, whose costs, ways
 and obstacles change.
 
-    python benchmarks/routes.py [--kind roads|carts|workshop ...] [--queries N] [--seed N] [--commands N] [--json FILE]
+    python benchmarks/routes.py [--kind roads|carts|workshop ...] [--queries N] [--seed N]
+        [--commands N] [--json FILE]
 
 `roads`: a vehicle on a random map. `carts`: vehicles that carry parcels on such a map. `workshop`:
 parts that machines work on in stages, with tools to be changed. Every few queries the cell changes:

@@ -96,7 +96,6 @@ class _Search:
             self.best, self._worth = tuple(courses), worth
 
     # by rule
-    # ------------------------------------------------------------------------------------------------------------
 
     def by_rule(self) -> bool:
         """Items one after another, in several orders and with several times between them.
@@ -143,7 +142,6 @@ class _Search:
         return [board.courses[n] for n in range(len(order))]
 
     # putting back
-    # -------------------------------------------------------------------------------------------------------
 
     def put_back(self, work: float) -> None:
         """Take some items off the board and put them back, again and again, as in annealing."""
@@ -219,7 +217,6 @@ class _Search:
         return True
 
     # solving
-    # ------------------------------------------------------------------------------------------------------------
 
     def solve(self, work: float) -> None:
         """Give all items to the solver, if they are not too many."""
