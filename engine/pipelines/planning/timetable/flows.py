@@ -322,6 +322,8 @@ class _Pools:
         for key in sorted(self.terms, key=lambda each: natural_key(self.terms[each])):
             for group in found:
                 one, other = self.terms[group[0]], self.terms[key]
+                if not isinstance(one, Function) or not isinstance(other, Function):
+                    continue
                 if _like(one, other) and all(each.exchanges(one, other) for each in beside):
                     group.append(key)
                     break
@@ -332,8 +334,9 @@ class _Pools:
 
 def _like(one: Term, other: Term) -> bool:
     """Whether two places have the same name but for their last part."""
-    both = isinstance(one, Function) and isinstance(other, Function)
-    if not both or not one.arguments or one.name != other.name:
+    if not isinstance(one, Function) or not isinstance(other, Function):
+        return False
+    if not one.arguments or one.name != other.name:
         return False
     return one.arguments[:-1] == other.arguments[:-1] and len(one.arguments) == len(other.arguments)
 
