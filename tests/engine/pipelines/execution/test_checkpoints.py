@@ -101,7 +101,9 @@ def essence(found: PastRun) -> dict[str, object]:
 def test_a_run_from_its_last_checkpoint_is_the_run_from_its_beginning(
     monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.run_control.RECORDS_PER_CHECKPOINT", 9)
+    monkeypatch.setattr(
+        "cellwright.engine.pipelines.execution.run_control.RECORDS_PER_CHECKPOINT", 9
+    )
     monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.MIN_PAGED_STEPS", 4)
     monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.STEPS_PER_PAGE", 3)
     records = records_of(name)

@@ -50,7 +50,9 @@ def test_a_run_killed_with_a_fault_in_it_reaches_its_goals(
 def test_a_run_goes_on_from_a_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int, written: bool
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.run_control.RECORDS_PER_CHECKPOINT", 15)
+    monkeypatch.setattr(
+        "cellwright.engine.pipelines.execution.run_control.RECORDS_PER_CHECKPOINT", 15
+    )
     assert check(tmp_path, group, written, FAULT)
     with Journal(str(tmp_path / "j.db")) as journal:
         assert journal.last("one-1", "checkpoint")
@@ -61,7 +63,9 @@ def test_a_run_goes_on_from_a_checkpoint(
 def test_a_run_goes_on_from_a_checkpoint_that_holds_what_is_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.run_control.RECORDS_PER_CHECKPOINT", 12)
+    monkeypatch.setattr(
+        "cellwright.engine.pipelines.execution.run_control.RECORDS_PER_CHECKPOINT", 12
+    )
     monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.MIN_PAGED_STEPS", 3)
     assert check(tmp_path, group, True, FAULT)
     with Journal(str(tmp_path / "j.db")) as journal:
@@ -72,7 +76,9 @@ def test_a_run_goes_on_from_a_checkpoint_that_holds_what_is_left(
 def test_one_can_go_back_to_a_step_that_was_done_before_a_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.run_control.RECORDS_PER_CHECKPOINT", 6)
+    monkeypatch.setattr(
+        "cellwright.engine.pipelines.execution.run_control.RECORDS_PER_CHECKPOINT", 6
+    )
     monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.MIN_PAGED_STEPS", 3)
     problem, ready = planned("themse/one")
     wanted = name_run(RunRequest("themse/one", store=str(tmp_path / "j.db")), problem)
