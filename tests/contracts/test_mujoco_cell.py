@@ -46,7 +46,7 @@ def test_a_part_is_placed_by_friction_alone_within_three_millimetres() -> None:
     found, _ = place_part(SCENE, "angle", "base")
     assert isinstance(found, Placed)
     done = running.execute_carries(SCENE, "angle", found)
-    assert done.went is running.Went.DONE
+    assert done.went is running.CarryEnd.DONE
     assert not done.touched
     assert done.off[0] < NEAR_M
     assert done.off[1] < np.radians(1)
@@ -150,7 +150,7 @@ def test_three_fingers_hold_a_part_still_and_place_it() -> None:
     found, _ = place_part(scene, "angle", "base")
     assert isinstance(found, Placed)
     done = running.execute_carries(scene, "angle", found)
-    assert done.went is running.Went.DONE
+    assert done.went is running.CarryEnd.DONE
     assert not done.touched
     assert done.off[0] < NEAR_M
     assert done.off[1] < np.radians(1)
@@ -176,7 +176,7 @@ def test_a_round_peg_whose_hole_is_a_millimetre_beside_goes_in_when_it_is_tilted
         moved = running.MujocoCell(scene, {"block": block})
         return (
             running.execute_carries(scene, "peg", replace(found, carries=(tried,)), moved).went
-            is running.Went.DONE
+            is running.CarryEnd.DONE
         )
 
     assert all(goes_in(carry, each) for each in range(8))

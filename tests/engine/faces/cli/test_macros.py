@@ -192,7 +192,9 @@ def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
 def test_measurements_that_are_too_many_to_be_planned_at_once_are_prepared_one_after_another(
     store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.precompute.problem_preparation.LARGE", 100)
+    monkeypatch.setattr(
+        "cellwright.engine.pipelines.precompute.problem_preparation.LARGE_INSTANCES", 100
+    )
     problem = BULKHEAD / "problems" / "twelve_points.yaml"
     made = prepare_problem(
         PreparationJob(problem, store, 100_000, 0, content_digest(problem)), lambda: False

@@ -89,7 +89,7 @@ def killed_and_resumed(
     problem, ready = planned(target)
     options = {"log": str(folder / "cell.jsonl")} | ({"fault": fault} if fault else {})
     wanted = name_run(RunRequest(target, store=str(folder / "j.db"), options=options), problem)
-    ledger, plan = BEGIN.Ledger.append, BEGIN.first
+    ledger, plan = BEGIN.JournalLedger.append, BEGIN.first_plan
     count = 0
 
     def append(self: object, records: Sequence[JournalRecord]) -> None:
@@ -102,14 +102,14 @@ def killed_and_resumed(
             raise Killed
 
     ending: object = None
-    BEGIN.Ledger.append, BEGIN.first = append, lambda *_: ready
+    BEGIN.JournalLedger.append, BEGIN.first_plan = append, lambda *_: ready
     try:
         begin_run(wanted, problem, TimedOrders())
     except Killed:
-        BEGIN.Ledger.append = ledger
+        BEGIN.JournalLedger.append = ledger
         ending = ended(wanted) or resume_run(wanted.store, wanted.run, TimedOrders())
     finally:
-        BEGIN.Ledger.append, BEGIN.first = ledger, plan
+        BEGIN.JournalLedger.append, BEGIN.first_plan = ledger, plan
     log = Path(wanted.options["log"]).read_text(encoding="utf-8").splitlines()
     did = [entry for entry in map(json.loads, filter(None, log)) if "ended" in entry]
     return ending if isinstance(ending, Finish) else None, [
@@ -123,7 +123,7 @@ def ended(wanted: RunRequest) -> Finish | None:
     """
     with Journal(wanted.store) as journal:
         told = [line.content for line in journal.lines(wanted.run, kinds=["end"])]
-    if not told or told[-1]["outcome"] not in BEGIN.OVER:
+    if not told or told[-1]["outcome"] not in BEGIN.FINAL_OUTCOMES:
         return None
     with pytest.raises(InvalidInput, match=f"is over: {told[-1]['outcome']}"):
         resume_run(wanted.store, wanted.run, TimedOrders())

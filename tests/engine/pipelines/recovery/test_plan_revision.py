@@ -111,7 +111,7 @@ def test_asked_for_both_the_cheaper_is_taken(path: Path, cut: float, acts: int, 
 
 def test_a_repair_that_the_checker_refuses_is_replanned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever goes wrong inside repair, a plan that is none does not leave by revision."""
-    whole = repairs.deorder
+    whole = repairs.deorder_steps
     monkeypatch.setattr(repairs, "deorder_steps", lambda *given: Plan(whole(*given).steps[:-1]))
     made = course(bundled("themse/one"))
     found = revise_plan(
@@ -124,7 +124,7 @@ def test_a_repair_that_the_checker_refuses_is_replanned(monkeypatch: pytest.Monk
 def test_a_repair_whose_orders_cannot_be_shown_is_given_as_a_sequence(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    whole = repairs.deorder
+    whole = repairs.deorder_steps
 
     def loose(*given: Any) -> Plan:
         return Plan(tuple(replace(step, after=()) for step in whole(*given).steps))
