@@ -10,8 +10,6 @@ from collections.abc import Iterator
 
 import yaml
 
-from cellwright.kb.asp import AspError
-from cellwright.kb.asp.statements import statement_texts
 from cellwright.kb.files import File
 
 MAX_LINES = 40  # above the place of an error
@@ -85,6 +83,10 @@ def _blank(text: str) -> str:
 
 def _asp_error(text: str) -> tuple[float, float]:
     """The line and column of the first error in an ASP text; endless if there is none."""
+    # both load clingo, which most files never need
+    from cellwright.kb.asp import AspError
+    from cellwright.kb.asp.statements import statement_texts
+
     try:
         statement_texts(text)
     except AspError as error:

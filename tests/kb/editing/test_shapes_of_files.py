@@ -8,7 +8,7 @@ from cellwright.kb.editing.scalar_roles import SHAPE_OF_KIND, ScalarShape
 from cellwright.kb.schema import keys_at
 
 Path = tuple[str | int, ...]
-UNNAMED = {
+UNNAMED = {"repeats",
     "about", "after", "approach", "asks", "asserted", "at", "bodies", "box", "by", "chain", "classes",
     "complete", "completes", "contact", "contact_classes", "controllable", "cost", "cylinder", "depth",
     "distance", "drives", "duration", "during", "ends", "fault", "features", "field", "filters",

@@ -140,11 +140,32 @@ def _validate_export(file: Path, wanted: tuple[str, str, str], ground: bool) -> 
 
 
 def _validate_pddl(domain: Path, task: Path, made: Path) -> VerbAnswer:
-    from cellwright.engine.formats.interop.pddl import read_pddl_task
+    from cellwright.engine.formats.interop.pddl import durative, read_pddl_task
     from cellwright.engine.formats.interop.pddl.competition_plans import read_plan
 
+    if durative.has_times(domain, task):
+        return _validate_timed(domain, task, made)
     read = read_pddl_task(domain, task)
     return _plan_verdict(read.problem, read_plan(read, made), str(made), warnings=read.warnings)
+
+
+def _validate_timed(domain: Path, task: Path, made: Path) -> VerbAnswer:
+    """The verdict of the checker of time."""
+    from rich.text import Text
+
+    from cellwright.engine.formats.interop.pddl import durative
+    from cellwright.engine.formats.interop.pddl.durative import plans
+    from cellwright.engine.formats.report import timed
+    from cellwright.engine.pipelines.planning import temporal_plans
+
+    read = durative.read_temporal(domain, task)
+    plan = plans.read_timed_plan(read, made)
+    wrong = temporal_plans.check_timed_plan(read.problem, plan, str(made))
+    if wrong:
+        content = {"steps": len(plan.steps), "breaches": len(wrong)}
+        return VerbAnswer("invalid", content, code=FINDINGS, diagnostics=tuple(wrong))
+    said, content = timed.verdict(plan)
+    return VerbAnswer("valid", content, text=lambda: Text(said))
 
 
 def _validate_plan(file: Path, target: str) -> VerbAnswer:

@@ -30,6 +30,7 @@ from cellwright.engine.faces.cli.options.shared_options import (
 )
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.output.output_files import Output, answer_form
+from cellwright.engine.faces.cli.output.plan_forms import PlanForm
 from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED, exit_code
 
 if TYPE_CHECKING:
@@ -44,18 +45,6 @@ if TYPE_CHECKING:
     from cellwright.kb.diagnostics import Diagnostic
     from cellwright.kb.model.domain_model import Domain
     from cellwright.kb.model.planning_problem import Problem
-
-
-class PlanForm(StrEnum):
-    """How a plan is written: as a table, as data, as a picture of its partial order, or in the
-    format of PDDL planners.
-    """
-
-    TEXT = "text"
-    JSON = "json"
-    DOT = "dot"
-    SVG = "svg"
-    IPC = "ipc"
 
 
 def raw_plan(made: "PlanAnswer", form: PlanForm, task: "PddlProblem | None") -> str | None:
@@ -195,11 +184,31 @@ def plan_target(
         ordered,
         motion,
     )
+    if plan_request.pddl is not None:
+        _give_timed(plan_request.target, plan_request.pddl, work, (kind, stats, output))
     give_answer(
         lambda: _plan_target(plan_request, kind, stats, work),
         AnswerForm.JSON if kind is PlanForm.JSON else AnswerForm.TEXT,
         output,
     )
+
+
+def _give_timed(
+    domain: str, problem: Path, work: "SearchOptions", shown: tuple[PlanForm, bool, Path | None]
+) -> None:
+    """Answer for a PDDL task with times; return where the task has none."""
+    from cellwright.engine.faces.cli.plan_times import TimedRequest, give_timed
+
+    idle: dict[str, object] = {
+        "--race": work.strategy == "race",
+        "--strategy": work.strategy not in ("auto", "race"),
+        "--store": work.store,
+        "--objective cost": work.objective is PlanObjective.COST,
+    }
+    wanted = TimedRequest(
+        Path(domain), problem, work.seconds, work.expansions, work.anytime, work.seed
+    )
+    give_timed(wanted, idle, *shown)
 
 
 def _choose_ordering(

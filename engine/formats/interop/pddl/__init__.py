@@ -2,8 +2,9 @@
 
 The reader accepts STRIPS, typing with `either`, negative, disjunctive and quantified conditions,
 equality, conditional effects, derived predicates, action costs, constants and numbers (McDermott et
-al. 1998; Edelkamp & Hoffmann 2004 for the axioms; Fox & Long 2003 for numbers). It refuses times,
+al. 1998; Edelkamp & Hoffmann 2004 for the axioms; Fox & Long 2003 for numbers). It refuses
 preferences, constraints and numbers that are not linear; the message names each with its place.
+Tasks with times have a reader of their own (`durative`).
 """
 
 from collections.abc import Iterator

@@ -5,7 +5,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from cellwright.engine.formats.interop.pddl.declared_names import PddlScope, read_typed_list, spaced
 from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, PddlWord
-from cellwright.engine.formats.interop.pddl.keywords import check_actions, check_sections
+from cellwright.engine.formats.interop.pddl.keywords import (
+    ACTION_FIELDS,
+    check_actions,
+    check_sections,
+)
 from cellwright.engine.formats.interop.pddl.number_reader import function_bindings
 from cellwright.engine.formats.interop.pddl.numeric_functions import TaskFunctions
 from cellwright.engine.formats.interop.pddl.pddl_conditions import ConditionReader
@@ -29,6 +33,8 @@ from cellwright.kb.terms import Function, Variable
 
 class DomainReader:
     """Reads a domain in two passes: declarations, then actions and axioms."""
+
+    kind = "domain"  # of file, for the sections that it may have
 
     def __init__(self, document: Document) -> None:
         self.document, self.scope = document, PddlScope()
@@ -55,8 +61,10 @@ class DomainReader:
         """Types, constants, predicates and functions; sections that are not supported are
         refused.
         """
-        check_sections(self.document, "domain")
-        check_actions(self.document, self._all(":action"))
+        check_sections(self.document, self.kind)
+        check_actions(
+            self.document, [group for group in self.groups if group.head in ACTION_FIELDS]
+        )
         for group in self._all(":types"):
             self._types(group.rest)
         for group in self._all(":constants"):

@@ -8,14 +8,19 @@ from collections.abc import Sequence
 from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, PddlWord
 from cellwright.kb.diagnostics import nearest_hint
 
+TIMED_DOMAIN = "domain with times"
 SECTIONS = {
     "domain": (
         "domain", ":requirements", ":types", ":constants", ":predicates", ":functions", ":action", ":derived",
+    ),
+    TIMED_DOMAIN: (
+        "domain", ":requirements", ":types", ":constants", ":predicates", ":functions", ":action", ":durative-action",
     ),
     "problem": ("problem", ":domain", ":requirements", ":objects", ":init", ":goal", ":metric"),
 }  # fmt: skip
 REPEATED = (
     ":action",
+    ":durative-action",
     ":derived",
     ":types",
     ":constants",
@@ -36,14 +41,18 @@ UNREAD_FIELDS = (
     ":only-in-expansions",
     ":cost",
 )
-FIELDS = (":parameters", ":precondition", ":effect")
+# of an action, by the section that it is
+ACTION_FIELDS = {
+    ":action": (":parameters", ":precondition", ":effect"),
+    ":durative-action": (":parameters", ":duration", ":condition", ":effect"),
+}
 REQUIREMENTS = (
     ":strips", ":typing", ":negative-preconditions", ":disjunctive-preconditions", ":equality",
     ":existential-preconditions", ":universal-preconditions", ":quantified-preconditions",
     ":conditional-effects", ":fluents", ":numeric-fluents", ":object-fluents", ":adl", ":ucpop",
     ":durative-actions", ":duration-inequalities", ":continuous-effects", ":derived-predicates",
     ":timed-initial-literals", ":timed-initial-fluents", ":preferences", ":constraints", ":action-costs",
-    ":goal-utilities", ":time", ":timed-effects", ":domain-axioms", ":subgoal-through-axioms",
+    ":goal-utilities", ":time", ":timed-effects", ":timed-initial-effects", ":domain-axioms", ":subgoal-through-axioms",
     ":safety-constraints", ":expression-evaluation", ":open-world", ":true-negation", ":action-expansions",
     ":foreach-expansions", ":dag-expansions", ":multi-agent", ":factored-privacy", ":unfactored-privacy",
     ":hierarchy", ":method-preconditions", ":htn", ":htn-method-prec", ":non-deterministic",
@@ -53,7 +62,7 @@ REQUIREMENTS = (
 
 
 def check_sections(document: Document, kind: str) -> None:
-    """Note what a `domain` or `problem` file has that is no section, is not read, or stands
+    """Note what a file of a kind of `SECTIONS` has that is no section, is not read, or stands
     there twice.
     """
     root = document.root
@@ -72,9 +81,10 @@ def check_sections(document: Document, kind: str) -> None:
             document.add(part, "K104", f"{part.head} stands here twice", "put both together")
         seen.add(part.head)
         _check_section(document, part, kind)
-    if kind not in seen:
+    named = SECTIONS[kind][0]
+    if named not in seen:
         document.add(
-            root, "K801", f"the {kind} has no name", f"begin with (define ({kind} name) ...)"
+            root, "K801", f"the {named} has no name", f"begin with (define ({named} name) ...)"
         )
 
 
@@ -84,7 +94,7 @@ def _check_section(document: Document, part: Group, kind: str) -> None:
         _check_requirements(document, part)
     elif part.head not in known:
         near = "" if part.head in UNREAD else nearest_hint(part.head, [*known, *UNREAD])
-        hint = near or "only classical planning is supported"
+        hint = near or "what is read stands in docs/pddl.md"
         document.add(part, "K802", f"{part.head} is not supported", hint)
 
 
@@ -111,10 +121,11 @@ def check_actions(document: Document, actions: Sequence[Group]) -> None:
 
 def _check_action(document: Document, action: Group) -> None:
     parts = list(action.rest[1:])
+    fields = ACTION_FIELDS.get(action.head, ACTION_FIELDS[":action"])
     seen: set[str] = set()
     while parts:
         key = parts.pop(0)
-        _check_field(document, key, seen)
+        _check_field(document, key, fields, seen)
         following = parts[0] if parts else None
         if following is None or (
             isinstance(following, PddlWord) and following.text.startswith(":")
@@ -130,18 +141,20 @@ def _check_action(document: Document, action: Group) -> None:
             parts.pop(0)
 
 
-def _check_field(document: Document, key: Expression, seen: set[str]) -> None:
+def _check_field(
+    document: Document, key: Expression, fields: Sequence[str], seen: set[str]
+) -> None:
     text = key.text if isinstance(key, PddlWord) else ""
-    if text in UNREAD_FIELDS:
-        document.add(
-            key, "K802", f"{text} is not supported", "only classical planning is supported"
-        )
-    elif text not in FIELDS:
+    if text in UNREAD_FIELDS and text not in fields:
+        hint = "a :durative-action has times" if text in ACTION_FIELDS[":durative-action"] else ""
+        hint = hint or "what is read stands in docs/pddl.md"
+        document.add(key, "K802", f"{text} is not supported", hint)
+    elif text not in fields:
         document.add(
             key,
             "K801",
             f"'{text or '('}' is no field of an action",
-            nearest_hint(text, list(FIELDS)),
+            nearest_hint(text, list(fields)),
         )
     elif text in seen:
         document.add(key, "K104", f"{text} stands here twice", "put both together with (and ...)")

@@ -18,9 +18,12 @@ from unified_planning.exceptions import UPUsageError
 from unified_planning.plans import Plan as UpPlan
 from unified_planning.plans import PlanKind
 
+from cellwright.engine.formats.interop.up.timed import TimedTranslation, has_time
 from cellwright.engine.formats.interop.up.up_conditions import Unsupported
 from cellwright.engine.formats.interop.up.up_kinds import (
     SUPPORTED_KIND,
+    TIMED_FEATURES,
+    TIMED_KIND,
     UP_FEATURES,
 )
 from cellwright.engine.formats.interop.up.up_plans import (
@@ -33,6 +36,8 @@ from cellwright.engine.formats.interop.up.up_plans import (
 from cellwright.engine.formats.interop.up.up_problem import Translated, translate_problem
 from cellwright.engine.kernels.cancellation import Interrupted, never
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, OrderCheck, Outcome
+from cellwright.engine.model.temporal import NoPlanInTime
+from cellwright.engine.pipelines.planning.temporal_plans import TimeEffort, plan_with_times
 from cellwright.engine.stages.planning import expansions_within
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.plan_model import Plan
@@ -229,9 +234,11 @@ class UpEngine(
     @staticmethod
     def supports(problem_kind: up.ProblemKind) -> bool:
         """Whether every feature is supported."""
+        timed = problem_kind.has_continuous_time() or problem_kind.has_discrete_time()
+        features, kind = (TIMED_FEATURES, TIMED_KIND) if timed else (UP_FEATURES, SUPPORTED_KIND)
         # the comparison below may drop features
-        known = set(problem_kind.features) <= set(UP_FEATURES)
-        return known and bool(problem_kind <= SUPPORTED_KIND)
+        known = set(problem_kind.features) <= set(features)
+        return known and bool(problem_kind <= kind)
 
     @staticmethod
     def satisfies(optimality_guarantee: mixins.OptimalityGuarantee) -> bool:
@@ -287,10 +294,33 @@ class UpEngine(
         output_stream: IO[str] | None = None,
     ) -> PlanGenerationResult:
         late = deadline_after(timeout)
+        if has_time(problem):
+            return _write_result(self._timed(problem, late, timeout), output_stream)
         result = self._made(
             problem, lambda ours: self._proved(ours, self._planned(ours.ours, late, timeout), late)
         )
         return _write_result(result, output_stream)
+
+    def _timed(
+        self, problem: up.Problem, late: Interrupted, timeout: float | None
+    ) -> PlanGenerationResult:
+        """The result for a problem in time: a time-triggered plan with a small makespan."""
+        try:
+            ours = TimedTranslation(problem)
+            given = self._limited(timeout)
+            limits = {name: given[name] for name in ("seed", "expansions") if name in given}
+            outcome = plan_with_times(ours.task.problem, TimeEffort(late, **limits))
+        except (Unsupported, InvalidInput) as error:
+            return self._result(Status.UNSUPPORTED_PROBLEM, None, str(error))
+        if isinstance(outcome, NoPlanInTime):
+            unproved = LIMIT_STATUS.get(outcome.limit, Status.UNSOLVABLE_INCOMPLETELY)
+            return self._result(
+                Status.UNSOLVABLE_PROVEN if outcome.proved else unproved, None, outcome.reason
+            )
+        best = outcome.optimal and bool(problem.quality_metrics)
+        return self._result(
+            Status.SOLVED_OPTIMALLY if best else Status.SOLVED_SATISFICING, ours.plan(outcome.plan)
+        )
 
     def _planned(
         self,

@@ -295,6 +295,8 @@ def _prices(flow: Flow) -> Iterator[dict[str, int]]:
 
 def _groups(route: Route) -> Iterator[tuple[tuple[str, int], ...]]:
     """The places that acts of one layer take, each with how long the next act there lasts."""
+    if not route.layers:  # the object is where it shall be
+        return
     for layer, following in zip(route.layers, (*route.layers[1:], ()), strict=True):
         taken = dict[str, int]()
         for act in layer:

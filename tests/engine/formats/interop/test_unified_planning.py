@@ -45,7 +45,7 @@ SOLVED = (Status.SOLVED_SATISFICING, Status.SOLVED_OPTIMALLY)
 EXAMPLES = {
     name: each
     for name, each in get_example_problems().items()
-    if CellwrightEngine.supports(each.problem.kind)
+    if CellwrightEngine.supports(each.problem.kind) and not each.problem.kind.has_continuous_time()
 }
 
 

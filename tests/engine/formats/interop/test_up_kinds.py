@@ -34,9 +34,11 @@ from unified_planning.shortcuts import (
 )
 
 from cellwright.engine.formats.interop.up import CellwrightEngine
-from cellwright.engine.formats.interop.up.up_engine import UP_FEATURES as TAKEN
+from cellwright.engine.formats.interop.up.up_kinds import TIMED_FEATURES
+from cellwright.engine.formats.interop.up.up_kinds import UP_FEATURES as TAKEN
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
+TIMES = {"CONTINUOUS_TIME", "DISCRETE_TIME"}  # a kind with one of these is a kind with times
 EVERY = sorted(feature for group in FEATURES.values() for feature in group)
 
 
@@ -87,12 +89,15 @@ def test_a_feature_is_taken_or_refused_by_its_name(feature: str) -> None:
     plan = SequentialPlan([ActionInstance(problem.action("do"))])
     status, message = said(problem)
     engine = CellwrightEngine()
-    assert engine.supports(problem.kind) == (feature in TAKEN)
+    assert engine.supports(problem.kind) == (feature in TAKEN or feature in TIMES)
     if feature in TAKEN:
         assert status is Status.SOLVED_SATISFICING
         return
-    assert status is Status.UNSUPPORTED_PROBLEM
-    assert feature.lower().replace("_", " ") in message
+    if feature in TIMES:
+        assert status is Status.SOLVED_SATISFICING
+    else:
+        assert status is Status.UNSUPPORTED_PROBLEM
+        assert feature.lower().replace("_", " ") in message
     with pytest.raises(UPUsageError, match=feature.lower().replace("_", " ")):
         engine._validate(problem, plan)
 
@@ -130,13 +135,36 @@ def makespan(problem: Problem) -> None:
 
 @pytest.mark.parametrize(
     "further",
-    [timed_effect, timed_goal, always, sometime, oversubscribed, makespan],
+    [timed_goal, always, sometime, oversubscribed, makespan],
     ids=lambda each: each.__name__,
 )
 def test_what_the_library_only_warns_of_is_refused(further: Any) -> None:
     problem = simple()
     further(problem)
     assert said(problem)[0] is Status.UNSUPPORTED_PROBLEM
+    with pytest.raises(UPUsageError), PlanValidator(name="cellwright") as validator:
+        validator.validate(problem, SequentialPlan([ActionInstance(problem.action("do"))]))
+
+
+@pytest.mark.parametrize("feature", EVERY)
+def test_a_feature_beside_times_is_taken_or_refused_by_its_name(feature: str) -> None:
+    class Featured(Problem):  # type: ignore[misc]
+        @property
+        def kind(self) -> ProblemKind:
+            return kind_with({*super().kind.features, "CONTINUOUS_TIME", feature})
+
+    problem = simple(Featured)
+    problem.add_object("bolt", UserType("part", UserType("thing")))
+    status, message = said(problem)
+    assert CellwrightEngine.supports(problem.kind) == (feature in TIMED_FEATURES)
+    assert (status is Status.SOLVED_SATISFICING) == (feature in TIMED_FEATURES)
+    if feature not in TIMED_FEATURES:
+        assert feature.lower().replace("_", " ") in message
+
+
+def test_the_validator_refuses_timed_effects() -> None:
+    problem = simple()
+    timed_effect(problem)
     with pytest.raises(UPUsageError), PlanValidator(name="cellwright") as validator:
         validator.validate(problem, SequentialPlan([ActionInstance(problem.action("do"))]))
 

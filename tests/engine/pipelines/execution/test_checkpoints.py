@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from tests.engine.pipelines.execution.cells import executed, planned
 
 from cellwright.engine.model.run_protocol import JournalRecord, OperatorCommand, RecordKind
 from cellwright.engine.pipelines.execution import GivenOrder, TimedOrders
@@ -19,6 +18,7 @@ from cellwright.engine.pipelines.recovery import KeptHistory, SymbolicWorld
 from cellwright.engine.pipelines.simulators import Injection
 from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from cellwright.kb.store.journal import JournalLine
+from tests.engine.pipelines.execution.executed_cells import executed, planned
 
 BAKERY = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")
 RUNS = {

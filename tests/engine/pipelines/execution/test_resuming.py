@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 from _pytest.mark import ParameterSet
-from tests.engine.pipelines.execution.cells import ended, killed_and_resumed, planned
 
 from cellwright.engine.model.run_protocol import JournalRecord, OperatorCommand, RecordKind
 from cellwright.engine.pipelines.execution import (
@@ -18,6 +17,7 @@ from cellwright.engine.pipelines.execution import (
 )
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Journal
+from tests.engine.pipelines.execution.executed_cells import ended, killed_and_resumed, planned
 
 FAULT = "pick(probe_1, slot(drawer, 1))=not_gripped"
 

@@ -1,5 +1,4 @@
 (define (problem tidy)
   (:domain workshop)
-  (:objects bolt - item bin - place)
   (:init (at bolt bin))
   (:goal (not (at bolt bin))))

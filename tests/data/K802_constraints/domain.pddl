@@ -1,0 +1,10 @@
+(define (domain workshop)
+  (:requirements :strips :typing :constraints)
+  (:types item place)
+  (:constants bolt - item bin - place)
+  (:constraints (always (at bolt bin)))
+  (:predicates (at ?i - item ?p - place))
+  (:action move
+    :parameters (?i - item ?to - place)
+    :precondition (at ?i ?to)
+    :effect (not (at ?i ?to))))
