@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
-from tests.properties.test_axioms import layered
+from tests.properties.test_derived_atoms import layered
 
 from cellwright.engine.formats.interop.pddl import PddlProblem, read_pddl_task
 from cellwright.engine.formats.interop.pddl.competition_plans import read_plan, write_plan
