@@ -4,7 +4,7 @@ The engine's own implementations are registered in the same way as those of othe
 """
 
 from collections.abc import Callable
-from importlib import import_module
+from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.ports import ContactFilter, Driver, DriverSetup, GeometryBackend
@@ -21,8 +21,6 @@ DRIVER_GROUP = "cellwright.drivers"
 
 def registered_names(group: str) -> list[str]:
     """The names that are registered in a group. The packages that they need may be missing."""
-    from importlib import metadata
-
     return sorted({point.name for point in metadata.entry_points(group=group)})
 
 
@@ -53,8 +51,6 @@ def make_driver(name: str, setup: DriverSetup) -> Driver:
 
 
 def _load_plugin(group: str, name: str) -> Callable[..., Any]:
-    from importlib import metadata
-
     entry_points = [point for point in metadata.entry_points(group=group) if point.name == name]
     if not entry_points:
         names = registered_names(group)

@@ -17,6 +17,7 @@ from cellwright.engine.stages.grounding import (
     reachable_atoms,
     reachable_operators,
 )
+from cellwright.kb import loader
 from cellwright.kb.check import check_domain, unreachable_operators
 from cellwright.kb.check.fault_base_check import check_faults
 from cellwright.kb.check.initial_states import warn_of_crowding, warn_of_unreachable_goals
@@ -199,10 +200,8 @@ def _checked_contacts(domain: Path) -> list[Diagnostic]:
     """The errors in the contact model beside a domain, and whether its filters let the start
     pass.
     """
-    from cellwright.kb.loader.contacts import load_contacts
-
     try:
-        model, warnings = load_contacts(domain)
+        model, warnings = loader.load_contacts(domain)
         net_space(model, NetRequest(forms=0))
     except InvalidInput as error:
         return list(error.diagnostics)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from cellwright.kb.diagnostics import unknown_name
 from cellwright.kb.files import is_file, path_below
 from cellwright.kb.loader.reader import LoadFindings
 from cellwright.kb.loader.yaml_tree import YamlNode
@@ -231,8 +232,6 @@ def _known_vertices(
     read: QuantityReader, node: YamlNode, vertices: dict[str, Vector]
 ) -> tuple[str, ...]:
     """The vertex names in a list. Unknown names are reported and left out."""
-    from cellwright.kb.diagnostics import unknown_name
-
     names = []
     for item in node.value:
         if item.value in vertices:

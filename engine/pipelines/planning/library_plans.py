@@ -3,6 +3,8 @@
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from cellwright.kb import store as kb_store
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -78,7 +80,9 @@ def _in_use(
             yield practice
         return
     from cellwright.engine.pipelines.planning.macros import LibraryPlanner
-    from cellwright.kb.store import Library
 
-    with Library(store, beside=True) as library, LibraryPlanner(library, limits) as practice:
+    with (
+        kb_store.Library(store, beside=True) as library,
+        LibraryPlanner(library, limits) as practice,
+    ):
         yield practice

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from cellwright.engine.model.outcome import Found, Outcome
 from cellwright.engine.model.part_measurements import is_put_in_order
 from cellwright.engine.model.troubleshooting import PreparationSteps, Revision
+from cellwright.engine.pipelines import planning
 from cellwright.engine.pipelines.inspection.tour_progress import KeptSequenceProgress
 from cellwright.engine.pipelines.planning.checked_plan import LARGE_INSTANCES
 from cellwright.engine.pipelines.planning.goal_selection import RelinquishedGoal
@@ -131,11 +132,7 @@ def plan_in_sequence(problem: Problem, limits: SearchLimits) -> Outcome | None:
     """
     if not is_put_in_order(problem):
         return None
-    from cellwright.engine.pipelines.planning.decomposition import (
-        by_sequence,  # slow to load, and only inspections need it
-    )
-
-    sequenced = by_sequence(problem, limits)
+    sequenced = planning.by_sequence(problem, limits)
     return sequenced.outcome if sequenced is not None else None
 
 
@@ -147,8 +144,7 @@ def with_kept_sequence(
     """
     if not lost:
         return recovery
-    from cellwright.engine.pipelines.planning.decomposition.kept_sequences import told_of_losses
-
     return replace(
-        recovery, sequence=told_of_losses(store, problem.replace(recovery.problem.initial), lost)
+        recovery,
+        sequence=planning.told_of_losses(store, problem.replace(recovery.problem.initial), lost),
     )

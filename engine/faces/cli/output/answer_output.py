@@ -24,6 +24,8 @@ from cellwright.engine.faces.cli.process.process_limits import (
     lift_limit,
 )
 from cellwright.engine.faces.cli.process.progress_line import clear_progress
+from cellwright.engine.formats import report
+from cellwright.kb import store
 from cellwright.kb.stopping import StoppedByCaller
 
 if TYPE_CHECKING:
@@ -292,10 +294,7 @@ def _library_damage() -> "tuple[Diagnostic, ...]":
     """
     if "cellwright.kb.store.database" not in sys.modules:
         return ()
-    from cellwright.kb.store.database import opened_so_far
-    from cellwright.kb.store.store_maintenance import store_damage
-
-    return store_damage(opened_so_far())
+    return store.store_damage(store.opened_so_far())
 
 
 def _stopped_answer(code: int) -> VerbAnswer:
@@ -338,9 +337,7 @@ def _answer_document(answer: VerbAnswer, form: AnswerForm) -> str | None:
     """The answer as data or as a picture; None if it is text."""
     if answer.raw is not None or form is AnswerForm.TEXT:
         return answer.raw
-    from cellwright.engine.formats.report import json_answers
-
-    return json_answers.json_envelope(answer.status, answer.content, answer.diagnostics) + "\n"
+    return report.json_envelope(answer.status, answer.content, answer.diagnostics) + "\n"
 
 
 def _print_and_save(answer: VerbAnswer, form: AnswerForm, output: Path) -> None:
@@ -379,11 +376,10 @@ def _report_problems(answer: VerbAnswer) -> None:
     if not answer.diagnostics and answer.code not in (INTERRUPTED, INTERNAL):
         return
     from cellwright.engine.faces.cli.output import terminal_console
-    from cellwright.engine.formats.report.diagnostic_messages import diagnostics_text
 
     console = terminal_console.make_console(stderr=True, soft_wrap=True)
     if answer.diagnostics:
-        console.print(diagnostics_text(answer.diagnostics))
+        console.print(report.diagnostics_text(answer.diagnostics))
     if answer.code == INTERRUPTED and answer.text is None:
         console.print("interrupted")
     if answer.code == INTERNAL:

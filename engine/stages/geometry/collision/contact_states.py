@@ -27,6 +27,7 @@ from cellwright.kb.model.contact_model import (
     Octuple,
     PermanentContact,
     Quadruple,
+    class_of,
     template_bindings,
 )
 from cellwright.kb.targets import CELL_FILE
@@ -88,8 +89,6 @@ class CollisionOfContacts:
 
     def _candidates(self, lock: Quadruple) -> Iterator[Octuple]:
         """A contact at a lock for each class of objects that has a key for it."""
-        from cellwright.kb.model.contact_model import class_of
-
         seen = set()
         for instance, kind in self.model.objects.items():
             if kind not in seen and instance != lock.instance:
