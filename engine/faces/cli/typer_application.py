@@ -1,4 +1,4 @@
-"""The typer application: help, completion and every line that the plain parser leaves to it."""
+"""The typer application: it reads every command line, and has help and completion."""
 
 import re
 from collections.abc import Iterator, MutableMapping
@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from cellwright.engine.faces.cli.option_declarations import WRONG
 from cellwright.engine.faces.cli.output.answer_output import refuse_command_line, writing_output
 from cellwright.engine.faces.cli.verb_table import VERBS, VERBS_FOR, limit_verb, load_verb
+from cellwright.engine.faces.cli.wrong_options import WRONG
 
 OPTIONS_FOR = {
     "What is wanted": (

@@ -6,7 +6,6 @@ from functools import wraps
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from cellwright.engine.faces.cli.option_declarations import typer_annotation
 from cellwright.engine.faces.cli.options.shared_options import MemoryLimit, TimeLimit
 from cellwright.engine.faces.cli.process.process_limits import watching_command
 from cellwright.engine.faces.cli.process.progress_line import showing_progress
@@ -158,11 +157,6 @@ VERBS_FOR: dict[str, dict[str, Verb]] = {
 VERBS = {name: verb for verbs in VERBS_FOR.values() for name, verb in verbs.items()}
 
 
-def is_group(name: str) -> bool:
-    """Whether a verb is a group of verbs."""
-    return VERBS[name].place.endswith(":app")
-
-
 def load_verb(name: str) -> Any:
     """The function of a verb, or the application of its group."""
     module, _, attribute = VERBS[name].place.partition(":")
@@ -170,17 +164,6 @@ def load_verb(name: str) -> Any:
 
 
 VERB_LIMITS = {"time_limit": TimeLimit, "memory_limit": MemoryLimit}
-
-
-def verb_parameters(verb: Callable[..., None]) -> Mapping[str, inspect.Parameter]:
-    """What a verb takes by name: its own parameters, and those limits that are not among them."""
-    own = inspect.signature(verb).parameters
-    added = {
-        name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
-        for name, kind in VERB_LIMITS.items()
-        if name not in own
-    }
-    return {**own, **added}
 
 
 def run_limited(verb: Callable[..., None], name: str, options: Mapping[str, Any]) -> None:
@@ -203,16 +186,21 @@ def run_limited(verb: Callable[..., None], name: str, options: Mapping[str, Any]
 
 
 def limit_verb(verb: Callable[..., None], name: str) -> Callable[..., None]:
-    """The verb as typer takes it, with its limits."""
-    taken = [
-        parameter.replace(annotation=typer_annotation(parameter.annotation))
-        for parameter in verb_parameters(verb).values()
+    """The verb as typer takes it, with its own parameters and those limits that are not among
+    them.
+    """
+    signature = inspect.signature(verb)
+    limits = [
+        inspect.Parameter(limit, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+        for limit, kind in VERB_LIMITS.items()
+        if limit not in signature.parameters
     ]
 
     @wraps(verb)
     def run(**options: Any) -> None:
         run_limited(verb, name, options)
 
+    taken = [*signature.parameters.values(), *limits]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in taken}
-    run.__signature__ = inspect.signature(verb).replace(parameters=taken)  # type: ignore[attr-defined]
+    run.__signature__ = signature.replace(parameters=taken)  # type: ignore[attr-defined]
     return run

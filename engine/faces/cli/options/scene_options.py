@@ -7,7 +7,8 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Option
+from typer import Option
+
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.pipelines import manipulation
 from cellwright.kb import loader

@@ -5,8 +5,10 @@ from math import isnan
 from pathlib import Path
 from typing import Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm
+from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.kb import store
 
 TARGET_SUFFIXES = (".yaml", ".yml", ".json", ".tsp", ".pddl")

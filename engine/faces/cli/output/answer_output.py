@@ -14,7 +14,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
-from cellwright.engine.faces.cli.option_declarations import is_misfit
+import typer
+
 from cellwright.engine.faces.cli.process.exit_codes import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
 from cellwright.engine.faces.cli.process.process_limits import (
     WATCH_THREAD,
@@ -250,9 +251,9 @@ def _make_answer(make: Callable[[], VerbAnswer]) -> VerbAnswer:
         )
         file_diagnostic = Diagnostic(Source(str(error.filename or "a file")), "K415", message, hint)
         return VerbAnswer("bad input", code=BAD_INPUT, diagnostics=(file_diagnostic,))
+    except typer.BadParameter:  # an option that does not fit what the target holds
+        raise
     except Exception as error:
-        if is_misfit(error):  # an option that does not fit what the target holds
-            raise
         return _failure_answer(error)
 
 

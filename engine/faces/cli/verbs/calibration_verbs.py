@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option
 from cellwright.engine.faces.cli.options.scene_options import Calibration, SceneName, read_scene
 from cellwright.engine.faces.cli.options.shared_options import Format, Seed
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
-from cellwright.engine.faces.cli.option_declarations import Option, refuse_idle
 from cellwright.engine.faces.cli.options.shared_options import Target, number_option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.pipelines import planning
 from cellwright.engine.plugins import geometry_backend

@@ -6,7 +6,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cellwright.engine.faces.cli.option_declarations import Option, make_misfit, refuse_idle
+from typer import Option
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Seed,
     Target,
@@ -18,6 +19,7 @@ from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAns
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INTERRUPTED
 from cellwright.engine.faces.cli.process.progress_line import hushing_progress
 from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 from cellwright.engine.formats import report
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.model.answer_wording import count_noun

@@ -7,11 +7,13 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import Format, Target
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import BAD_INPUT, FINDINGS
+from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.engine.formats import report as reports
 from cellwright.engine.formats.report import rich_parts
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, select_errors

@@ -3,12 +3,13 @@
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
-from cellwright.engine.faces.cli.option_declarations import Option, make_misfit
 from cellwright.engine.faces.cli.options.shared_options import Format, Seed, Target
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
 from cellwright.engine.faces.cli.verbs.run_verbs import Factor, Faults, Options, options_of
+from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.model.run_protocol import CommandKind, DriverCommand
 from cellwright.engine.pipelines import execution, planning

@@ -4,10 +4,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, refuse_idle
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.shared_options import Command, Format, Goals, Ground
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
 from cellwright.engine.formats import interop
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.pipelines import planning

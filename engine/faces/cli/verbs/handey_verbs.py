@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
 from cellwright.engine.faces.cli.options.scene_options import (
     Calibration,
     Image,
@@ -19,6 +19,7 @@ from cellwright.engine.faces.cli.options.shared_options import Format, Seed, num
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS, GAVE_UP, INFEASIBLE, STOPPED
 from cellwright.engine.faces.cli.verbs.calibration_verbs import app as calibration
+from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.engine.formats import interop, report
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.pipelines import manipulation

@@ -4,10 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, refuse_idle
 from cellwright.engine.faces.cli.options.shared_options import Format, number_option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
 from cellwright.engine.formats import interop, report
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 

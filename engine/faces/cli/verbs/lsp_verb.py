@@ -2,7 +2,8 @@
 
 from typing import Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Option
+from typer import Option
+
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
 from cellwright.engine.faces.cli.options.shared_options import Format, Target, number_option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
@@ -16,6 +16,7 @@ from cellwright.engine.faces.cli.verbs.range_image_verbs import (
     measure_dimensions,
     recognise_parts,
 )
+from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.engine.formats import interop, report
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.model.part_measurements import MeasurementPoint

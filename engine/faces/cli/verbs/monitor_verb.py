@@ -5,8 +5,8 @@ from typing import Annotated
 from urllib.parse import quote
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.verbs.run_verbs import Store
 from cellwright.engine.formats.report import rich_parts

@@ -8,13 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import (
-    Argument,
-    Option,
-    make_misfit,
-    refuse_idle,
-)
 from cellwright.engine.faces.cli.options.shared_options import (
     Cluster,
     Format,
@@ -30,6 +25,7 @@ from cellwright.engine.faces.cli.options.worker_options import (
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE
 from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 from cellwright.engine.formats import report
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.pipelines import motion

@@ -6,7 +6,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.scene_options import (
     Calibration,
     Image,
@@ -18,6 +19,7 @@ from cellwright.engine.faces.cli.options.shared_options import Format, Seed
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE, STOPPED
 from cellwright.engine.faces.cli.verbs.motion_verbs import MotionStrategy, Strategy
+from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.engine.formats import interop, report
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.pipelines import manipulation

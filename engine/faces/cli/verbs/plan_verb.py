@@ -5,12 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import (
-    Argument,
-    Option,
-    make_misfit,
-    refuse_idle,
-)
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Anytime,
     Before,
@@ -32,6 +28,7 @@ from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAns
 from cellwright.engine.faces.cli.output.output_files import Output, answer_form
 from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED, exit_code
 from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 from cellwright.engine.formats import interop, report
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines import inspection, planning

@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument
+from typer import Argument
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Cluster,
     Expansions,

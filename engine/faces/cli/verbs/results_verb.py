@@ -3,11 +3,13 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import Format
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.verbs.run_verbs import Store
+from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.engine.formats import interop, report
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.pipelines import execution

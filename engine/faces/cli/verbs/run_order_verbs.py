@@ -2,7 +2,8 @@
 
 from typing import Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import Format
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer

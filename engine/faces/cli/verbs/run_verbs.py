@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import (
     Command,
@@ -20,6 +21,7 @@ from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAns
 from cellwright.engine.faces.cli.output.terminal_console import say_on_stderr
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS, STOPPED, exit_code
 from cellwright.engine.faces.cli.verbs.run_supervision import RunSupervision
+from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.engine.formats import report
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.pipelines import execution, planning

@@ -5,7 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, refuse_idle
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Command,
     Expansions,
@@ -19,6 +20,7 @@ from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAns
 from cellwright.engine.faces.cli.output.output_files import Output, answer_form
 from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED, exit_code
 from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
 from cellwright.engine.formats import interop, report
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.pipelines import planning as planning_room

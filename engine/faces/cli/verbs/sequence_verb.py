@@ -4,12 +4,8 @@ from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cellwright.engine.faces.cli.option_declarations import (
-    Argument,
-    Option,
-    make_misfit,
-    refuse_idle,
-)
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Before,
     Lasts,
@@ -21,6 +17,7 @@ from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAns
 from cellwright.engine.faces.cli.output.output_files import Output, answer_form
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE, INTERRUPTED
 from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 from cellwright.engine.formats import interop, report
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.model.part_measurements import is_shared
