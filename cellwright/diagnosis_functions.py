@@ -7,6 +7,9 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from cellwright.engine.formats import report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.library_base import Answer, Deadline, Name, Target, limit_seconds, name_of
 
 if TYPE_CHECKING:
@@ -45,28 +48,20 @@ class Diagnosed(Answer):
 
     def data(self) -> Mapping[str, Any]:
         """The tests, the belief, what is certain, and the recovery."""
-        from cellwright.engine.formats.report.runs import diagnosis_report as report
-        from cellwright.engine.formats.report.runs import recovery_report
-
         desk = self._open
         change = desk.revision_after(self.diagnosis, self.recovery)
         content = report.case_entry(self.diagnosis, desk.certainties(self.diagnosis), change)
         return content | (
-            {"recovery": recovery_report.recovery_entry(self.recovery)} if self.recovery else {}
+            {"recovery": report.recovery_entry(self.recovery)} if self.recovery else {}
         )
 
     def _renderable(self) -> "RenderableType":
-        from rich.console import Group
-
-        from cellwright.engine.formats.report.runs import diagnosis_report as report
-        from cellwright.engine.formats.report.runs import recovery_report
-
         desk, made = self._open, self.diagnosis
         case = report.case_text(
             desk.model, made, desk.certainties(made), desk.revision_after(made, self.recovery)
         )
-        return Group(
-            case, *([recovery_report.recovery_text(self.recovery)] if self.recovery else [])
+        return rich_parts.Group(
+            case, *([report.recovery_text(self.recovery)] if self.recovery else [])
         )
 
     @property
@@ -93,8 +88,6 @@ class DecisionTree(Answer):
 
     def data(self) -> Mapping[str, Any]:
         """The tree, its expected cost and a bound on that of any tree."""
-        from cellwright.engine.formats.report.runs import diagnosis_report as report
-
         tree = report.tree_entry(self.problem, self.tree)
         return {
             "expected cost": round(self.expected_cost, 6),
@@ -104,13 +97,9 @@ class DecisionTree(Answer):
 
     def svg(self) -> str | None:
         """The tree as a picture."""
-        from cellwright.engine.formats.report.runs.diagnosis_report import decision_tree_svg
-
-        return decision_tree_svg(self.problem, self.tree, self.expected_cost)
+        return report.decision_tree_svg(self.problem, self.tree, self.expected_cost)
 
     def _renderable(self) -> "RenderableType":
-        from cellwright.engine.formats.report.runs import diagnosis_report as report
-
         return report.decision_tree_text(self.problem, self.tree, self.expected_cost, self.bound)
 
 
@@ -219,7 +208,6 @@ def _outcome_answerer(
 ) -> "Answerer":
     from cellwright.engine.pipelines.recovery.case_input import hidden_hypothesis, scripted_answerer
     from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if [bool(ask), bool(outcomes), bool(hidden)].count(True) != 1:
         hint = "give one of ask, outcomes and hidden; `decision_tree` needs none of them"

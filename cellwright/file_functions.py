@@ -6,6 +6,11 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from cellwright.engine.formats import interop, report
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.kb import loader
+from cellwright.kb.diagnostics import InvalidInput
 from cellwright.library_base import Name, Target, load, name_of
 from cellwright.plan_functions import Planned, plan_of
 
@@ -26,9 +31,7 @@ def read_pddl(domain: Name, problem: Name) -> "PddlProblem":
 
     Raises `InvalidInput` for what is not supported, with its place.
     """
-    from cellwright.engine.formats.interop import pddl
-
-    return pddl.read_pddl_task(Path(domain), Path(problem))
+    return interop.read_pddl_task(Path(domain), Path(problem))
 
 
 def read_pddl_plan(task: "PddlProblem", file: Name) -> Planned:
@@ -36,12 +39,9 @@ def read_pddl_plan(task: "PddlProblem", file: Name) -> Planned:
 
     `validate` checks it. Raises `InvalidInput`.
     """
-    from cellwright.engine.formats.interop.pddl.competition_plans import read_plan
-    from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
-    from cellwright.engine.model.outcome import Found
-    from cellwright.engine.pipelines.planning.plan_objective import Run
-
-    return Planned(PlanAnswer(Run(Found(read_plan(task, Path(file)))), task.problem))
+    return Planned(
+        report.PlanAnswer(planning.Run(Found(interop.read_plan(task, Path(file)))), task.problem)
+    )
 
 
 def write_pddl_plan(task: "PddlProblem", plan: Planned) -> str:
@@ -49,9 +49,7 @@ def write_pddl_plan(task: "PddlProblem", plan: Planned) -> str:
 
     Raises `InvalidInput` without a plan.
     """
-    from cellwright.engine.formats.interop.pddl.competition_plans import write_plan
-
-    return write_plan(task, plan_of(plan)[1])
+    return interop.write_plan(task, plan_of(plan)[1])
 
 
 def export_pddl(
@@ -61,10 +59,8 @@ def export_pddl(
 
     Raises `InvalidInput`.
     """
-    from cellwright.engine.formats.interop.pddl.export import export_problem, write_pddl_files
-
-    return write_pddl_files(
-        export_problem(load(target, goals, command), lifted=not ground), Path(folder)
+    return interop.write_pddl_files(
+        interop.export_problem(load(target, goals, command), lifted=not ground), Path(folder)
     )
 
 
@@ -73,21 +69,17 @@ def export_behaviour_tree(plan: "Planned | str | PathLike[str]") -> str:
 
     Raises `InvalidInput` for a plan that is not right.
     """
-    from cellwright.engine.formats.interop import behaviour_trees
     from cellwright.engine.pipelines.planning.plan_files import check_plan
-    from cellwright.kb.diagnostics import InvalidInput
 
     problem, made, _, name = plan_of(plan)
     if wrong := check_plan(problem, made, name):
         raise InvalidInput(wrong)
-    return behaviour_trees.write_behaviour_tree(problem.domain, made)
+    return interop.write_behaviour_tree(problem.domain, made)
 
 
 def export_qif(target: Target) -> str:
     """The points to measure of a problem as a QIF document."""
-    from cellwright.engine.formats.interop.inspection_files import as_qif
-
-    return as_qif(load(target))[0]
+    return interop.as_qif(load(target))[0]
 
 
 @dataclass(frozen=True)
@@ -115,13 +107,11 @@ def import_points(
     `unit` is that of a file that names none, and of `edge_distance`, by which points stay away from
     the edges of faces.
     """
-    from cellwright.engine.formats.interop.inspection_files import import_file, inspection_remarks
-
     source, target = Path(file), Path(output)
     table = source.suffix.lower() == ".csv"
-    inspection, _, text = import_file(source, domain, unit, edge_distance, table)
+    inspection, _, text = interop.import_file(source, domain, unit, edge_distance, table)
     target.write_text(text, "utf-8")
-    return Imported(target, len(inspection.points), inspection_remarks(inspection, source))
+    return Imported(target, len(inspection.points), interop.inspection_remarks(inspection, source))
 
 
 def init(folder: Name, devices: Sequence[str] = ()) -> tuple[Path, ...]:
@@ -135,9 +125,7 @@ def init(folder: Name, devices: Sequence[str] = ()) -> tuple[Path, ...]:
 
 def devices(beside: Name = ".") -> "tuple[DeviceHead, ...]":
     """The devices that come with Cellwright, and those of the domain in the folder `beside`."""
-    from cellwright.kb.loader.device_uses import all_devices
-
-    return tuple(all_devices(Path(beside)))
+    return tuple(loader.all_devices(Path(beside)))
 
 
 def schema(kind: FileKind) -> Mapping[str, Any]:

@@ -6,6 +6,14 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import inspection, manipulation, planning
+from cellwright.engine.pipelines import motion as motion_room
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb import loader
+from cellwright.kb.stopping import is_stop_wanted
+from cellwright.kb.targets import find_scene
 from cellwright.library_base import Name, Target, Told, load, name_of
 
 if TYPE_CHECKING:
@@ -37,23 +45,22 @@ def cell(
 
     The picture is seen from `azimuth` and `elevation` in degrees. Raises `InvalidInput`.
     """
-    from rich.text import Text
-
-    from cellwright.engine.pipelines.planning.target_files import initial_facts
-    from cellwright.engine.plugins import geometry_backend
     from cellwright.engine.stages.geometry.pictures import cell_view
-    from cellwright.kb.loader.cell import cell_of
 
     name = name_of(target)
     view_made = cell_view.cell_view_of(
-        cell_of(name), geometry_backend(), configurations, place, initial_facts(name)
+        loader.cell_of(name),
+        geometry_backend(),
+        configurations,
+        place,
+        planning.initial_facts(name),
     )
     seen = math.radians(azimuth), math.radians(elevation)
     return Told(
         view_made,
         "ok",
         cell_view.view_content,
-        lambda each: Text(cell_view.view_text(each)),
+        lambda each: rich_parts.Text(cell_view.view_text(each)),
         lambda each: cell_view.view_as_svg(each, *seen),
     )
 
@@ -80,32 +87,27 @@ def motion(
     `margin` is in metres, `upright` the tilt in degrees that what is in hand may have. Status:
     found, infeasible, gave up. Raises `InvalidInput`.
     """
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.cells import motion_pictures
-    from cellwright.engine.formats.report.cells import motion_report as report
     from cellwright.engine.model.motion_values import Strategy
-    from cellwright.engine.pipelines.motion.arm_motion import (
-        MotionSite,
-        MotionWish,
-        plan_named_motion,
-    )
 
     way: Strategies = Strategy(strategy)
     tilt = math.radians(upright)
-    wish = MotionWish(margin, seed, bridges, way, direct, tool, smooth, refine, tilt, budget)
+    wish = motion_room.MotionWish(
+        margin, seed, bridges, way, direct, tool, smooth, refine, tilt, budget
+    )
     ends = (goals,) if isinstance(goals, str) else tuple(goals)
-    moved_path = plan_named_motion(MotionSite.of(name_of(target)), start, ends, wish)
+    moved_path = motion_room.plan_named_motion(
+        motion_room.MotionSite.of(name_of(target)), start, ends, wish
+    )
 
     def drawn(each: "ArmMotion") -> str | None:
-        return motion_pictures.motion_svg(each) if each.legs else None
+        return report.motion_svg(each) if each.legs else None
 
     status = report.motion_status(moved_path.answer)
     return Told(
         moved_path,
         status,
         report.motion_content,
-        lambda each: Text(report.motion_text(each)),
+        lambda each: rich_parts.Text(report.motion_text(each)),
         drawn,
     )
 
@@ -114,16 +116,14 @@ def travel(
     target: Target, *, tool: str = "", places: Sequence[str] = (), jobs: int = 1
 ) -> "Told[Any]":
     """How long free motions between places of a cell take, in seconds. Raises `InvalidInput`."""
-    from cellwright.engine.formats.report.cells import motion_tables as report
     from cellwright.engine.pipelines.jobs import crew_of
-    from cellwright.engine.pipelines.motion.problem_sets import table_by
-    from cellwright.kb.loader import find_target, load
-    from cellwright.kb.stopping import is_stop_wanted
     from cellwright.kb.syntax import SECONDS_PER_UNIT
 
     name = name_of(target)
-    unit_s = float(SECONDS_PER_UNIT[load(find_target(name)).domain.time_unit])
-    travel_table = table_by(name, tool, tuple(places), crew_of(jobs), "", is_stop_wanted)
+    unit_s = float(SECONDS_PER_UNIT[loader.load(loader.find_target(name)).domain.time_unit])
+    travel_table = motion_room.table_by(
+        name, tool, tuple(places), crew_of(jobs), "", is_stop_wanted
+    )
     return Told(
         travel_table, "found", lambda each: report.travel_entry(each, unit_s), report.travel_table
     )
@@ -135,16 +135,12 @@ def states(target: Target, *, full: bool = False, parts: Sequence[str] = ()) -> 
     With `full` every object and anchor point counts by itself; `parts` keeps only these objects or
     classes. Status: ok, or gave up if the net is not complete. Raises `InvalidInput`.
     """
-    from cellwright.engine.formats.report.cells import net_report as report
-    from cellwright.engine.formats.report.drawing import net_svg
     from cellwright.engine.pipelines import contact_states
 
     model, warnings = contact_states.contact_model_of(name_of(target))
     contact_net = contact_states.build_net(model, contact_states.NetRequest(tuple(parts), full))
     status = "ok" if contact_net.complete else "gave up"
-    return Told(
-        contact_net, status, report.net_content, report.net_text, net_svg.draw_net, warnings
-    )
+    return Told(contact_net, status, report.net_content, report.net_text, report.draw_net, warnings)
 
 
 def place(
@@ -155,18 +151,13 @@ def place(
 
     Without an image one is made from the scene. Raises `InvalidInput`.
     """
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.cells import placing_report as report
-    from cellwright.engine.pipelines.manipulation import place_operation
-
     read, seen = _scene_and_depths(scene, image)
-    placed, _ = place_operation.place_part(read, part, base, seed, seen)
+    placed, _ = manipulation.place_part(read, part, base, seed, seen)
     return Told(
         placed,
         report.placing_status(placed),
         report.placing_content,
-        lambda each: Text(report.placing_text(each, part, base)),
+        lambda each: rich_parts.Text(report.placing_text(each, part, base)),
     )
 
 
@@ -177,32 +168,21 @@ def assemble(
 
     Raises `InvalidInput`.
     """
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.cells import assembly_report as report
-    from cellwright.engine.pipelines.manipulation import assembly_order
-    from cellwright.kb.loader import load_domain
-
     read, seen = _scene_and_depths(scene, image)
-    assembled, _ = assembly_order.assemble_scene(read, load_domain("handey"), base, seed, seen)
+    assembled, _ = manipulation.assemble_scene(read, loader.load_domain("handey"), base, seed, seen)
     return Told(
         assembled,
         report.assembly_status(assembled),
         report.assembly_content,
-        lambda each: Text(report.assembly_text(each, base)),
+        lambda each: rich_parts.Text(report.assembly_text(each, base)),
     )
 
 
 def _scene_and_depths(
     scene: Name, image: "str | PathLike[str] | None"
 ) -> "tuple[Scene, Floats | None]":
-    from cellwright.engine.formats.interop.depth_files import read_depth
-    from cellwright.engine.pipelines.manipulation import scene_camera
-    from cellwright.kb.loader.scene_file import load_scene
-    from cellwright.kb.targets import find_scene
-
-    read = load_scene(find_scene(fspath(scene)))
-    return read, read_depth(Path(image), scene_camera.camera_of(read)) if image else None
+    read = loader.load_scene(find_scene(fspath(scene)))
+    return read, interop.read_depth(Path(image), manipulation.camera_of(read)) if image else None
 
 
 Shape = Literal["plane", "sphere", "cylinder", "cone", "circle"]
@@ -212,15 +192,11 @@ def measurements(target: Target) -> "Told[ToolPartition]":
     """The measurements of a problem: by tool, those that are done, and those that are
     impossible, each with its reason.
     """
-    from cellwright.engine.formats.report.measurements.tool_groups import (
-        tool_groups_entry,
-        tool_groups_text,
-    )
-    from cellwright.engine.pipelines.inspection.arm_capabilities import partition_for_arms
-    from cellwright.engine.pipelines.inspection.measurement_points import with_places
-
     return Told(
-        partition_for_arms(with_places(load(target))), "ok", tool_groups_entry, tool_groups_text
+        inspection.partition_for_arms(inspection.with_places(load(target))),
+        "ok",
+        report.tool_groups_entry,
+        report.tool_groups_text,
     )
 
 
@@ -234,14 +210,11 @@ def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05, unit: str = "m") 
     """
     import numpy as np
 
-    from cellwright.engine.formats.interop.depth_files import read_cloud
-    from cellwright.engine.formats.interop.measurement_tables import unit_m
-    from cellwright.engine.formats.report.measurements import fit_report
     from cellwright.engine.model.shape_fits import Cloud, Fit
     from cellwright.engine.model.shape_fits import FitShape as Shapes
     from cellwright.engine.stages.fitting.shape_fit import fit_measured_shape
 
-    cloud = read_cloud(Path(points), unit_m(unit))
+    cloud = interop.read_cloud(Path(points), interop.unit_m(unit))
     fitted_shape = fit_measured_shape(
         Shapes(shape), Cloud(cloud, np.full(len(cloud), noise_mm * 1e-3))
     )
@@ -249,8 +222,8 @@ def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05, unit: str = "m") 
     return Told(
         fitted_shape,
         status,
-        lambda each: {"fits": [fit_report.fit_entry(each)]},
-        lambda each: fit_report.fits_text([each], ()),
+        lambda each: {"fits": [report.fit_entry(each)]},
+        lambda each: report.fits_text([each], ()),
     )
 
 
@@ -262,28 +235,25 @@ def align(
 
     An alignment that leaves a point less sure than `within_mm` is refused. Raises `InvalidInput`.
     """
-    from cellwright.engine.formats.interop.measured_alignment import datums_of, read_results
-    from cellwright.engine.formats.report.measurements import fit_report
     from cellwright.engine.model.shape_fits import Alignment
-    from cellwright.engine.pipelines.inspection.measurement_points import points_of_problem
     from cellwright.engine.stages.fitting.datum_alignment import align_by_datums, require_precision
 
     problem = load(target)
-    datums = datums_of(problem, read_results(Path(results)), noise_mm * 1e-3)
-    places = [point.position for point in points_of_problem(problem)]
+    datums = interop.datums_of(problem, interop.read_results(Path(results)), noise_mm * 1e-3)
+    places = [point.position for point in inspection.points_of_problem(problem)]
     alignment = require_precision(
         align_by_datums(datums), places, None if within_mm is None else within_mm * 1e-3
     )
     status = "ok" if isinstance(alignment, Alignment) else "refused"
 
     def content(each: "Aligning") -> Mapping[str, Any]:
-        return fit_report.alignment_entry(each, datums.names, places)
+        return report.alignment_entry(each, datums.names, places)
 
     return Told(
         alignment,
         status,
         content,
-        lambda each: fit_report.alignment_text(each, datums.names, places, ""),
+        lambda each: report.alignment_text(each, datums.names, places, ""),
     )
 
 
@@ -301,29 +271,26 @@ def image(
     `expected_mm` is the standard deviation of the place of the part. Status: found, or refused.
     Raises `InvalidInput`.
     """
-    from rich.text import Text
-
-    from cellwright.engine.formats.interop.range_files import read_ranges
-    from cellwright.engine.formats.report.measurements import range_image_report
     from cellwright.engine.model.vision import Vague
-    from cellwright.engine.pipelines.motion.measured_surface import ImageRequest, measured_surface
-    from cellwright.engine.plugins import geometry_backend
-    from cellwright.kb.loader.cell import cell_of
+    from cellwright.engine.pipelines.motion.measured_surface import measured_surface
 
     problem = load(target)
-    where = cell_of(problem.path)
-    read = None if given is None else lambda tool: read_ranges(Path(given), tool)
-    seeing = ImageRequest(expected_mm * 1e-3, seed, read=read)
+    where = loader.cell_of(problem.path)
+    read = None if given is None else lambda tool: interop.read_ranges(Path(given), tool)
+    seeing = motion_room.ImageRequest(expected_mm * 1e-3, seed, read=read)
     surface = measured_surface(problem, where, geometry_backend(), measurement, seeing)
     if isinstance(surface, Vague):
         return Told(
-            surface, "refused", lambda _: {"reason": surface.reason}, lambda _: Text(surface.reason)
+            surface,
+            "refused",
+            lambda _: {"reason": surface.reason},
+            lambda _: rich_parts.Text(surface.reason),
         )
     return Told(
         surface,
         "found" if surface.sure else "refused",
-        lambda _: range_image_report.surface_content(surface),
-        lambda _: range_image_report.surface_text(surface),
+        lambda _: report.surface_content(surface),
+        lambda _: report.surface_text(surface),
     )
 
 
@@ -338,20 +305,13 @@ def recognise(
 
     Without an image one is made. Raises `InvalidInput`.
     """
-    from cellwright.engine.formats.interop.depth_files import read_depth
-    from cellwright.engine.formats.report.measurements import range_image_report
-    from cellwright.engine.pipelines.manipulation import scene_camera
-    from cellwright.engine.pipelines.manipulation.scene_camera import recognised_in
-    from cellwright.kb.loader.scene_file import load_scene
-    from cellwright.kb.targets import find_scene
-
-    read = load_scene(find_scene(fspath(scene)))
-    depths = read_depth(Path(image), scene_camera.camera_of(read)) if image else None
-    recognition_run = recognised_in(read, parts, seed, depths)
+    read = loader.load_scene(find_scene(fspath(scene)))
+    depths = interop.read_depth(Path(image), manipulation.camera_of(read)) if image else None
+    recognition_run = manipulation.recognised_in(read, parts, seed, depths)
     status = "found" if recognition_run.answer.named else "refused"
     return Told(
         recognition_run,
         status,
-        lambda each: range_image_report.recognition_content(each.answer),
-        lambda each: range_image_report.recognition_text(each.answer),
+        lambda each: report.recognition_content(each.answer),
+        lambda each: report.recognition_text(each.answer),
     )

@@ -11,9 +11,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from html import escape
+from io import StringIO
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar, Union
 
+from cellwright.engine.formats import report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import planning
 from cellwright.kb import stopping
 
 if TYPE_CHECKING:
@@ -59,18 +63,14 @@ class Answer(ABC):
 
     def json(self) -> str:
         """The answer as the command line writes it with `--format json`."""
-        from cellwright.engine.formats.report import json_answers
-
-        return json_answers.json_envelope(self.status, self.data(), self.diagnostics)
+        return report.json_envelope(self.status, self.data(), self.diagnostics)
 
     def __str__(self) -> str:
-        from io import StringIO
-
-        from rich.console import Console
-
         from cellwright.kb.diagnostics import escape_controls
 
-        console = Console(file=StringIO(), width=WIDTH, color_system=None, legacy_windows=False)
+        console = rich_parts.Console(
+            file=StringIO(), width=WIDTH, color_system=None, legacy_windows=False
+        )
         console.print(self._renderable())
         return escape_controls(console.file.getvalue().rstrip("\n"))  # type: ignore[attr-defined]
 
@@ -150,9 +150,7 @@ def load(target: Target, goals: str = "", command: str = "") -> "Problem":
     from cellwright.kb.model.planning_problem import Problem
 
     if not isinstance(target, Problem):
-        from cellwright.engine.pipelines.planning.checked_plan import problem_of
-
-        return problem_of(fspath(target), goals, command)
+        return planning.problem_of(fspath(target), goals, command)
     if goals or command:
         told, hint = "a loaded problem has its goals", "give goals and commands to `load`"
         raise InvalidInput([Diagnostic(Source(target.name), "K408", told, hint)])

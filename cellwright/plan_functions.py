@@ -6,6 +6,17 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from cellwright.engine.formats import report as reports
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import motion as motion_room
+from cellwright.engine.pipelines import planning
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb import loader
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, select_errors, unknown_name
+from cellwright.kb.diagnostics import Source as Where
+from cellwright.kb.model.plan_model import Claims
+from cellwright.kb.stopping import StoppedByCaller, is_stop_wanted
 from cellwright.library_base import Answer, Deadline, Name, Target, limit_seconds, load, name_of
 
 if TYPE_CHECKING:
@@ -19,8 +30,7 @@ if TYPE_CHECKING:
     from cellwright.engine.pipelines.planning.plan_objective import Run
     from cellwright.engine.pipelines.recovery.plan_revision import PlanRevision
     from cellwright.engine.stages.planning import SearchLimits
-    from cellwright.kb.diagnostics import Diagnostic
-    from cellwright.kb.model.plan_model import Claims, Plan, StepId
+    from cellwright.kb.model.plan_model import Plan, StepId
     from cellwright.kb.model.planning_problem import Problem
     from cellwright.kb.terms import Atom
 
@@ -49,8 +59,6 @@ class Planned(Answer):
     @property
     def plan(self) -> "Plan | None":
         """The plan; None if there is none."""
-        from cellwright.engine.model.outcome import Found
-
         return self.outcome.plan if isinstance(self.outcome, Found) else None
 
     @property
@@ -66,39 +74,27 @@ class Planned(Answer):
     @property
     def status(self) -> str:
         """optimal, found, infeasible, gave up or stopped."""
-        from cellwright.engine.formats.report import json_answers
-
-        return json_answers.outcome_status(self.outcome)
+        return reports.outcome_status(self.outcome)
 
     @property
     def diagnostics(self) -> "tuple[Diagnostic, ...]":
         """A warning if the library could not keep what was learned."""
-        from cellwright.engine.formats.report.plans.plan_answer import library_warnings
-
-        return library_warnings(self.made.origin, self.store)
+        return reports.library_warnings(self.made.origin, self.store)
 
     def data(self) -> Mapping[str, Any]:
         """The plan with its problem. Written to a file, `json()` is a plan file."""
-        from cellwright.engine.formats.report.plans.plan_answer import plan_answer_content
-
-        return plan_answer_content(self.made, stats=False)
+        return reports.plan_answer_content(self.made, stats=False)
 
     def svg(self) -> str | None:
         """The partial order of the plan as a picture."""
-        from cellwright.engine.formats.report.drawing import plan_svg
-
-        return plan_svg.draw_plan(self.plan, self.problem) if self.plan else None
+        return reports.draw_plan(self.plan, self.problem) if self.plan else None
 
     def dot(self) -> str | None:
         """The partial order of the plan for Graphviz."""
-        from cellwright.engine.formats.report.drawing import dot_graphs
-
-        return dot_graphs.plan_dot(self.plan, self.problem) if self.plan else None
+        return reports.plan_dot(self.plan, self.problem) if self.plan else None
 
     def _renderable(self) -> "RenderableType":
-        from cellwright.engine.formats.report.plans.plan_answer import plan_answer_text
-
-        return plan_answer_text(self.made, stats=False, folded=False)
+        return reports.plan_answer_text(self.made, stats=False, folded=False)
 
 
 def plan(
@@ -123,44 +119,35 @@ def plan(
     `seconds` are over, with `motion` every step has a path that touches nothing. `store` is a
     library of MACROPs, read and taught. Raises `InvalidInput`, `TimeoutError`.
     """
-    from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
-    from cellwright.engine.pipelines.planning.library_plans import plan_with_library
-    from cellwright.engine.pipelines.planning.plan_objective import (
-        PlanningObjective,
-        SequenceChoice,
-    )
-
     library = fspath(store)
     with limit_seconds(seconds) as over:
         problem, limits = (
             load(target, goals, command),
             _planning_limits(over, expansions, strategy, anytime, seed),
         )
-        wish, who = PlanningObjective(objective) if objective else None, SequenceChoice(order)
+        wish, who = (
+            planning.PlanningObjective(objective) if objective else None,
+            planning.SequenceChoice(order),
+        )
         if motion:
-            from cellwright.engine.pipelines.planning.plan_objective import (
-                plan_for_objective as planned_alone,
-            )
-
             moving = plan_motions_of(
                 name_of(target),
                 problem,
-                lambda each: planned_alone(each, limits, wish, who),
+                lambda each: planning.plan_for_objective(each, limits, wish, who),
                 seed,
                 library,
             )
-            return Planned(PlanAnswer(moving.run, moving.problem, moving=moving), library)
-        run, origin = plan_with_library(
+            return Planned(reports.PlanAnswer(moving.run, moving.problem, moving=moving), library)
+        run, origin = planning.plan_with_library(
             problem, limits, wish, who, library, folded=False, stays=True
         )
-    return Planned(PlanAnswer(run, problem, origin), library)
+    return Planned(reports.PlanAnswer(run, problem, origin), library)
 
 
 def _planning_limits(
     over: Deadline, expansions: int | None, strategy: str, thorough: bool, seed: int
 ) -> "SearchLimits":
     from cellwright.engine.stages.planning import RACE, STRATEGIES, SearchLimits, expansions_within
-    from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 
     if strategy not in (*STRATEGIES, RACE):
         raise InvalidInput(
@@ -174,10 +161,6 @@ def plan_motions_of(
     target: str, problem: "Problem", planned: Any, seed: int, store: str
 ) -> "MovingRun":
     """The plan in which every step moves; `planned` makes the `Run` of a problem."""
-    from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
-    from cellwright.engine.plugins import geometry_backend
-    from cellwright.kb.loader.cell import cell_of
-    from cellwright.kb.stopping import StoppedByCaller, is_stop_wanted
 
     def in_time(each: "Problem") -> "Run":
         run: Run = planned(each)
@@ -185,8 +168,8 @@ def plan_motions_of(
             raise StoppedByCaller
         return run
 
-    return plan_with_poses(
-        problem, cell_of(target), geometry_backend(), in_time, seed, store
+    return motion_room.plan_with_poses(
+        problem, loader.cell_of(target), geometry_backend(), in_time, seed, store
     ).moving
 
 
@@ -195,20 +178,13 @@ def plan_of(source: "Planned | str | PathLike[str]") -> "tuple[Problem, Plan, Cl
 
     Raises `InvalidInput`.
     """
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput
-    from cellwright.kb.diagnostics import Source as Where
-
     if not isinstance(source, Planned):
-        from cellwright.engine.pipelines.planning.plan_files import claimed_in
-
-        return *claimed_in(Path(source)), fspath(source)
+        return *planning.claimed_in(Path(source)), fspath(source)
     if source.plan is None:
         reason = source.outcome.reason  # type: ignore[union-attr]
         raise InvalidInput(
             [Diagnostic(Where(source.problem.name), "K404", "there is no plan", reason)]
         )
-    from cellwright.kb.model.plan_model import Claims
-
     return source.problem, source.plan, Claims(dict(source.starts or {})), source.problem.name
 
 
@@ -238,13 +214,14 @@ class Verdict(Answer):
         return {"steps": len(self.plan.steps), "links": len(self.plan.links)}
 
     def _renderable(self) -> "RenderableType":
-        from rich.console import Group
-        from rich.text import Text
-
-        from cellwright.engine.formats.report.diagnostic_messages import diagnostics_text
-
-        summary_text = Text(f"{self.status}: {len(self.plan.steps)} steps, cost {self.cost}")
-        return Group(summary_text, diagnostics_text(self.found)) if self.found else summary_text
+        summary_text = rich_parts.Text(
+            f"{self.status}: {len(self.plan.steps)} steps, cost {self.cost}"
+        )
+        return (
+            rich_parts.Group(summary_text, reports.diagnostics_text(self.found))
+            if self.found
+            else summary_text
+        )
 
 
 def validate(plan: "Planned | str | PathLike[str]", problem: Target | None = None) -> Verdict:
@@ -277,34 +254,24 @@ class Revised(Answer):
     @property
     def status(self) -> str:
         """As of a plan."""
-        from cellwright.engine.formats.report import json_answers
-
-        return json_answers.outcome_status(self.outcome)
+        return reports.outcome_status(self.outcome)
 
     def data(self) -> Mapping[str, Any]:
         """The new plan, and what of the old one was kept, dropped and added."""
-        from cellwright.engine.formats.report import json_answers
-        from cellwright.engine.formats.report.runs.recovery_report import revision_entry
-
-        plan = json_answers.outcome_entry(self.outcome, self.revision.problem)
-        return {**plan, "revision": revision_entry(self.revision, self.follows)}
+        plan = reports.outcome_entry(self.outcome, self.revision.problem)
+        return {**plan, "revision": reports.revision_entry(self.revision, self.follows)}
 
     def svg(self) -> str | None:
         """The partial order of the new plan as a picture."""
-        from cellwright.engine.formats.report.drawing import plan_svg
-        from cellwright.engine.model.outcome import Found
-
         outcome = self.outcome
         return (
-            plan_svg.draw_plan(outcome.plan, self.revision.problem)
+            reports.draw_plan(outcome.plan, self.revision.problem)
             if isinstance(outcome, Found)
             else None
         )
 
     def _renderable(self) -> "RenderableType":
-        from cellwright.engine.formats.report.runs.recovery_report import revision_text
-
-        return revision_text(self.revision, self.follows)
+        return reports.revision_text(self.revision, self.follows)
 
 
 def revise(
@@ -352,14 +319,10 @@ class Explained(Answer):
 
     def data(self) -> Mapping[str, Any]:
         """Goals, exclusions and changes."""
-        from cellwright.engine.formats.report.plans.explanation_report import explanation_entry
-
-        return explanation_entry(self.explanation)
+        return reports.explanation_entry(self.explanation)
 
     def _renderable(self) -> "RenderableType":
-        from cellwright.engine.formats.report.plans.explanation_report import explanation_text
-
-        return explanation_text(self.explanation)
+        return reports.explanation_text(self.explanation)
 
 
 def explain(
@@ -396,14 +359,10 @@ class Reason(Answer):
 
     def data(self) -> Mapping[str, Any]:
         """Purposes and orders."""
-        from cellwright.engine.formats.report.plans.explanation_report import step_entry
-
-        return step_entry(self.reason)
+        return reports.step_entry(self.reason)
 
     def _renderable(self) -> "RenderableType":
-        from cellwright.engine.formats.report.plans.explanation_report import step_reason
-
-        return step_reason(self.reason)
+        return reports.step_reason(self.reason)
 
 
 def why(plan: "Planned | str | PathLike[str]", step: int) -> Reason:
@@ -430,8 +389,6 @@ class Checked(Answer):
     @property
     def status(self) -> str:
         """ok, warnings or errors."""
-        from cellwright.kb.diagnostics import select_errors
-
         diagnostics = self.report.diagnostics
         return "errors" if select_errors(diagnostics) else "warnings" if diagnostics else "ok"
 
@@ -445,20 +402,12 @@ class Checked(Answer):
         return {"checked": list(self.report.checked)}
 
     def _renderable(self) -> "RenderableType":
-        from rich.console import Group
-        from rich.text import Text
-
-        from cellwright.engine.formats.report.diagnostic_messages import (
-            diagnostics_summary,
-            diagnostics_text,
-        )
-
         found_diagnostics = self.report.diagnostics
-        summary_text = Text(
-            f"{diagnostics_summary(found_diagnostics)} in {len(self.report.checked)} files"
+        summary_text = rich_parts.Text(
+            f"{reports.diagnostics_summary(found_diagnostics)} in {len(self.report.checked)} files"
         )
         return (
-            Group(diagnostics_text(found_diagnostics), summary_text)
+            rich_parts.Group(reports.diagnostics_text(found_diagnostics), summary_text)
             if found_diagnostics
             else summary_text
         )

@@ -5,6 +5,12 @@ from dataclasses import dataclass, field, replace
 from os import fspath
 from typing import TYPE_CHECKING, Any, Literal
 
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.model.run_protocol import Finish
+from cellwright.engine.pipelines import execution, planning
+from cellwright.kb import store as kb_store
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.library_base import Answer, Name, Told, load
 from cellwright.plan_functions import plan_motions_of
 
@@ -12,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from cellwright.engine.model.outcome import Outcome
-    from cellwright.engine.model.run_protocol import Finish, JournalRecord
+    from cellwright.engine.model.run_protocol import JournalRecord
     from cellwright.engine.pipelines.execution import RunRequest
     from cellwright.engine.pipelines.execution.run_results import Told as Measured
     from cellwright.engine.stages.planning import SearchLimits
@@ -47,8 +53,6 @@ class Ran(Answer):
         """The end of the run: its name, goals, what was given up, times, and the story of each
         exception. None without a plan.
         """
-        from cellwright.engine.model.run_protocol import Finish
-
         return self.ending if isinstance(self.ending, Finish) else None
 
     @property
@@ -61,30 +65,23 @@ class Ran(Answer):
     @property
     def status(self) -> str:
         """reached, partly, stopped, aborted or paused; infeasible or gave up without a plan."""
-        from cellwright.engine.formats.report import json_answers
-        from cellwright.engine.model.run_protocol import Finish
-
         return (
             self.ending.outcome
             if isinstance(self.ending, Finish)
-            else json_answers.outcome_status(self.ending)
+            else report.outcome_status(self.ending)
         )
 
     def data(self) -> Mapping[str, Any]:
         """The ending as data."""
-        from cellwright.engine.formats.report.runs import run_report
-
         return (
-            run_report.ending_entry(self.finish)
+            report.ending_entry(self.finish)
             if self.finish
             else {"reason": getattr(self.ending, "reason", "")}
         )
 
     def _renderable(self) -> "RenderableType":
-        from cellwright.engine.formats.report.runs import run_report
-
         if self.finish:
-            return run_report.ending_text(self.finish, self.store)
+            return report.ending_text(self.finish, self.store)
         return f"No plan: {getattr(self.ending, 'reason', '')}."
 
 
@@ -112,14 +109,14 @@ def run(
     called with each record when it is on the disk. Other processes and threads tell the run what to
     do (`tell`). Raises `InvalidInput`.
     """
-    from cellwright.engine.pipelines.execution import RunRequest, list_run
     from cellwright.engine.stages.planning import SearchLimits
-    from cellwright.kb.store.default_path import default_store
 
-    problem, where = load(target, goals, command), fspath(store) or default_store()
+    problem, where = load(target, goals, command), fspath(store) or kb_store.default_store()
     given = dict(options or {}) | ({"fault": "; ".join(faults)} if faults else {})
-    wanted = RunRequest(fspath(target), goals, command, driver, where, name, seed, factor, given)
-    with list_run(wanted, problem) as entered:
+    wanted = execution.RunRequest(
+        fspath(target), goals, command, driver, where, name, seed, factor, given
+    )
+    with execution.list_run(wanted, problem) as entered:
         return Ran(
             _begin_run(entered, problem, motion, watch, SearchLimits(expansions, seed=seed)), where
         )
@@ -132,27 +129,24 @@ def _begin_run(
     watch: Watch | None,
     limits: "SearchLimits",
 ) -> "Finish | Outcome":
-    from cellwright.engine.pipelines.execution import RunScope, begin_run
-    from cellwright.engine.pipelines.execution.run_socket import OrderChannel
-
     table = scope = None
     if motion:
-        from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
-
         moving = plan_motions_of(
             wanted.target,
             problem,
-            lambda each: plan_for_objective(each, limits),
+            lambda each: planning.plan_for_objective(each, limits),
             wanted.seed,
             wanted.store,
         )
-        table, scope = moving.run.timetable, RunScope(moving.problem, moving.given_up)
+        table, scope = moving.run.timetable, execution.RunScope(moving.problem, moving.given_up)
         problem = replace(moving.problem, goal=problem.goal, chains=problem.chains)
         if table is None:
             return moving.run.outcome
-    with OrderChannel(wanted.run, wanted.store) as channel:
+    with execution.OrderChannel(wanted.run, wanted.store) as channel:
         watchers = [channel.watch, *([watch] if watch else [])]
-        return begin_run(wanted, problem, channel, watchers, limits, table=table, scope=scope)
+        return execution.begin_run(
+            wanted, problem, channel, watchers, limits, table=table, scope=scope
+        )
 
 
 def resume(
@@ -167,13 +161,10 @@ def resume(
 
     Raises `InvalidInput`.
     """
-    from cellwright.engine.pipelines import execution
-    from cellwright.engine.pipelines.execution.run_socket import OrderChannel
     from cellwright.engine.stages.planning import SearchLimits
-    from cellwright.kb.store.default_path import default_store
 
-    where = fspath(store) or default_store()
-    with OrderChannel(run, where) as channel:
+    where = fspath(store) or kb_store.default_store()
+    with execution.OrderChannel(run, where) as channel:
         watchers = [channel.watch, *([watch] if watch else [])]
         return Ran(
             execution.resume_run(
@@ -189,10 +180,7 @@ def tell(run: str, order: OrderName, text: str = "", *, store: Name = "") -> Map
     `text` is the step of skip and back, the facts of correct, the answer of answer and the command
     of add. Raises `InvalidInput` if nobody carries the run out, or if it refuses the order.
     """
-    from cellwright.engine.pipelines.execution import run_socket
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
-    state = run_socket.tell_run(run, order, text, fspath(store))
+    state = execution.tell_run(run, order, text, fspath(store))
     if why := state.get("refused"):
         raise InvalidInput([Diagnostic(Source(run), "K421", f"{order} is refused: {why}")])
     return state
@@ -200,10 +188,7 @@ def tell(run: str, order: OrderName, text: str = "", *, store: Name = "") -> Map
 
 def runs(*, store: Name = "") -> "tuple[Begun, ...]":
     """The runs of a store: their names, when they began, and what was asked."""
-    from cellwright.engine.pipelines.execution.run_results import runs_in
-    from cellwright.kb.store.default_path import default_store
-
-    return runs_in(fspath(store) or default_store())
+    return execution.runs_in(fspath(store) or kb_store.default_store())
 
 
 def results(run: str, *, store: Name = "") -> "Told[Measured]":
@@ -211,21 +196,16 @@ def results(run: str, *, store: Name = "") -> "Told[Measured]":
 
     Raises `InvalidInput` for an unknown run.
     """
-    from rich.console import Group
-
-    from cellwright.engine.formats.interop.results.json_and_csv import results_entry
-    from cellwright.engine.formats.report.measurements import survey_report
-    from cellwright.engine.formats.report.runs import results_report as report
-    from cellwright.engine.pipelines.execution.run_results import survey_of
-    from cellwright.kb.store.default_path import default_store
 
     def content(told: "Measured") -> Mapping[str, Any]:
-        return results_entry(told.results) | (
-            {} if told.survey is None else {"survey": survey_report.survey_entry(told.survey)}
+        return interop.results_entry(told.results) | (
+            {} if told.survey is None else {"survey": report.survey_entry(told.survey)}
         )
 
     def shown(told: "Measured") -> "RenderableType":
-        more = [] if told.survey is None else ["", survey_report.survey_text(told.survey)]
-        return Group(report.results_text(told.results, told.subjects), *more)
+        more = [] if told.survey is None else ["", report.survey_text(told.survey)]
+        return rich_parts.Group(report.results_text(told.results, told.subjects), *more)
 
-    return Told(survey_of(fspath(store) or default_store(), run), "ok", content, shown)
+    return Told(
+        execution.survey_of(fspath(store) or kb_store.default_store(), run), "ok", content, shown
+    )

@@ -6,6 +6,9 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from cellwright.engine.formats import interop, report
+from cellwright.engine.pipelines import planning as planning_room
+from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 from cellwright.library_base import Answer, Name, Target, limit_seconds, load
 from cellwright.plan_functions import Planned, plan_of
 
@@ -32,9 +35,7 @@ class Scheduled(Answer):
     @property
     def timed(self) -> "ScheduleAnswer | None":
         """The schedule with all that belongs to it; None if there is none."""
-        from cellwright.engine.formats.report.plans.schedule_report import ScheduleAnswer
-
-        return self.found if isinstance(self.found, ScheduleAnswer) else None
+        return self.found if isinstance(self.found, report.ScheduleAnswer) else None
 
     @property
     def schedule(self) -> "Schedule | None":
@@ -52,34 +53,26 @@ class Scheduled(Answer):
     @property
     def status(self) -> str:
         """optimal, found, infeasible, gave up or stopped."""
-        from cellwright.engine.formats.report import json_answers
-
-        return self.timed.status if self.timed else json_answers.outcome_status(self._none)
+        return self.timed.status if self.timed else report.outcome_status(self._none)
 
     @property
     def _none(self) -> "Infeasible | GaveUp":
-        from cellwright.engine.formats.report.plans.schedule_report import ScheduleAnswer
-
-        if isinstance(self.found, ScheduleAnswer):
+        if isinstance(self.found, report.ScheduleAnswer):
             raise TypeError("there is a schedule")
         return self.found
 
     def data(self) -> Mapping[str, Any]:
         """The schedule, or the reason why there is none."""
-        from cellwright.engine.formats.report.plans.schedule_report import schedule_content
-
-        return schedule_content(self.timed) if self.timed else {"reason": self._none.reason}
+        return report.schedule_content(self.timed) if self.timed else {"reason": self._none.reason}
 
     def svg(self) -> str | None:
         """The schedule as a Gantt chart."""
-        from cellwright.engine.formats.report.plans.schedule_report import schedule_svg
-
-        return schedule_svg(self.timed) if self.timed else None
+        return report.schedule_svg(self.timed) if self.timed else None
 
     def _renderable(self) -> "RenderableType":
-        from cellwright.engine.formats.report.plans.schedule_report import schedule_text
-
-        return schedule_text(self.timed) if self.timed else f"No schedule: {self._none.reason}."
+        return (
+            report.schedule_text(self.timed) if self.timed else f"No schedule: {self._none.reason}."
+        )
 
 
 def schedule(
@@ -100,14 +93,15 @@ def schedule(
     `instance` chooses one of a file of several job shops. `work` is about seconds of one core; the
     same work of one worker gives the same answer. Raises `InvalidInput`, `TimeoutError`.
     """
-    from cellwright.engine.formats.interop.shop_files import shop_of
     from cellwright.engine.stages.planning import SearchLimits, expansions_within
     from cellwright.engine.stages.scheduling.schedule_limits import ScheduleLimits
 
     with limit_seconds(seconds) as over:
         limits = ScheduleLimits(work, seed, workers, over)
         planning = SearchLimits(expansions_within(expansions, seconds), interrupted=over, seed=seed)
-        shop = shop_of(Path(target), instance) if isinstance(target, str | PathLike) else None
+        shop = (
+            interop.shop_of(Path(target), instance) if isinstance(target, str | PathLike) else None
+        )
         if shop is not None:
             return _of_shop(shop, limits)
         problem, timetable_made = _timetable_of(target, (goals, command), planning, limits)
@@ -115,13 +109,12 @@ def schedule(
 
 
 def _of_shop(shop: "Shop", limits: "ScheduleLimits") -> Scheduled:
-    from cellwright.engine.formats.report.plans.schedule_report import ScheduleAnswer
     from cellwright.engine.model.shop_scheduling import ValidSchedule as Made
     from cellwright.engine.stages import scheduling
 
     shop_schedule = scheduling.schedule_shop(shop, limits)
     return Scheduled(
-        ScheduleAnswer(shop, shop_schedule.schedule, shop_schedule.statistics)
+        report.ScheduleAnswer(shop, shop_schedule.schedule, shop_schedule.statistics)
         if isinstance(shop_schedule, Made)
         else shop_schedule
     )
@@ -133,24 +126,21 @@ def _timetable_of(
     planning: "SearchLimits",
     limits: "ScheduleLimits",
 ) -> "tuple[Problem, Timetable | Infeasible | GaveUp]":
-    from cellwright.engine.pipelines.planning import plan_objective, timetable
-
     if isinstance(target, Planned):
         problem, plan, _, _ = plan_of(target)
-        return problem, timetable.make_timetable(problem, plan, planning, limits)
+        return problem, planning_room.make_timetable(problem, plan, planning, limits)
     if isinstance(target, str | PathLike):
-        problem, subject = timetable.subject_of(fspath(target), *wanted)
+        problem, subject = planning_room.subject_of(fspath(target), *wanted)
         if subject is not None:
-            return problem, timetable.make_timetable(problem, subject, planning, limits)
-        return problem, plan_objective.plan_fastest(problem, planning, limits)
-    return target, plan_objective.plan_fastest(load(target, *wanted), planning, limits)
+            return problem, planning_room.make_timetable(problem, subject, planning, limits)
+        return problem, planning_room.plan_fastest(problem, planning, limits)
+    return target, planning_room.plan_fastest(load(target, *wanted), planning, limits)
 
 
 def _of_plan(problem: "Problem", made: "Timetable | Infeasible | GaveUp") -> Scheduled:
-    from cellwright.engine.formats.report.plans.schedule_report import of_plan
     from cellwright.engine.model.shop_scheduling import Timetable
 
-    return Scheduled(of_plan(made, problem) if isinstance(made, Timetable) else made)
+    return Scheduled(report.of_plan(made, problem) if isinstance(made, Timetable) else made)
 
 
 @dataclass(frozen=True, repr=False)
@@ -176,41 +166,36 @@ class Toured(Answer):
     @property
     def status(self) -> str:
         """optimal, found, infeasible, gave up or stopped."""
-        from cellwright.engine.formats.report import json_answers
         from cellwright.engine.model.tour_problem import Tour
 
         tour = self.found
         return (
             ("optimal" if tour.proved else "found")
             if isinstance(tour, Tour)
-            else json_answers.outcome_status(tour)
+            else report.outcome_status(tour)
         )
 
     def data(self) -> Mapping[str, Any]:
         """The tour, or the reason why there is none."""
-        from cellwright.engine.formats.report.measurements.tour_report import visits_tour_content
         from cellwright.engine.model.tour_problem import Tour
 
         tour = self.found
         return (
-            visits_tour_content(tour, self.visits)
+            report.visits_tour_content(tour, self.visits)
             if isinstance(tour, Tour)
             else {"reason": tour.reason}
         )
 
     def svg(self) -> str | None:
         """The tour on the points; None if they have no positions."""
-        from cellwright.engine.formats.report.drawing import tour_svg
-
-        return tour_svg.draw_tour(self.tour, self.visits.tours) if self.tour else None
+        return report.draw_tour(self.tour, self.visits.tours) if self.tour else None
 
     def _renderable(self) -> "RenderableType":
-        from cellwright.engine.formats.report.measurements.tour_report import visits_tour_text
         from cellwright.engine.model.tour_problem import Tour
 
         tour = self.found
         return (
-            visits_tour_text(tour, self.visits)
+            report.visits_tour_text(tour, self.visits)
             if isinstance(tour, Tour)
             else f"No tour: {tour.reason}."
         )
@@ -237,16 +222,14 @@ def sequence(
     which order some keep ("m1, m2"). `work` 0 fits the number of visits. Raises `InvalidInput`,
     `TimeoutError`.
     """
-    from cellwright.engine.formats.interop.visit_files import visits_of_target
     from cellwright.engine.stages import sequencing
-    from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 
     if method not in sequencing.METHODS:
         raise InvalidInput(
             [unknown_name("method", method, set(sequencing.METHODS), Source("method"))]
         )
     with limit_seconds(seconds) as over:
-        visit_problem = visits_of_target(fspath(target), windows, lasts, before).ending(
+        visit_problem = interop.visits_of_target(fspath(target), windows, lasts, before).ending(
             closed, start, end
         )
         return Toured(

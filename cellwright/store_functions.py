@@ -6,6 +6,10 @@ from os import fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cellwright.engine.formats import report
+from cellwright.engine.pipelines import inspection, planning
+from cellwright.kb import loader
+from cellwright.kb import store as kb_store
 from cellwright.library_base import Name, Target, Told, limit_seconds, load
 
 if TYPE_CHECKING:
@@ -32,7 +36,6 @@ def prepare(
     `jobs` are processes (0: one for each processor), `cluster` the address of a Dask scheduler.
     Raises `InvalidInput`.
     """
-    from cellwright.engine.formats.report.plans import library_report
     from cellwright.engine.pipelines.jobs import crew_of
     from cellwright.engine.pipelines.precompute import prepare_problems as prepare_all
     from cellwright.engine.pipelines.precompute.preparation_results import problems_of
@@ -54,8 +57,8 @@ def prepare(
     return Told(
         preparation,
         "ok" if whole else "incomplete",
-        library_report.preparation_content,
-        library_report.preparation_text,
+        report.preparation_content,
+        report.preparation_text,
         found=diagnostics,
     )
 
@@ -78,13 +81,12 @@ def keep_sequence(
     `bad` says of visits that failed why.
     Raises `InvalidInput`.
     """
-    from cellwright.engine.formats.report.measurements import sequence_progress as report
-    from cellwright.engine.pipelines.inspection.tour_progress import SequenceNews
-    from cellwright.engine.pipelines.planning.decomposition.kept_sequences import carry_on
     from cellwright.engine.stages.sequencing import TourLimits
 
-    news = SequenceNews(tuple(done), tuple(lost), dict(bad or {}), tuple(restored))
-    kept_sequence = carry_on(fspath(store), load(target), news, TourLimits(work, seed), anew)
+    news = inspection.SequenceNews(tuple(done), tuple(lost), dict(bad or {}), tuple(restored))
+    kept_sequence = planning.carry_on(
+        fspath(store), load(target), news, TourLimits(work, seed), anew
+    )
     return Told(
         kept_sequence,
         "found" if kept_sequence.plan.rest else "done",
@@ -95,19 +97,14 @@ def keep_sequence(
 
 def macros(store: Name, domain: str = "") -> "tuple[Stored, ...]":
     """The MACROPs that a store has learned, of one domain or of all."""
-    from cellwright.kb.store import Library
-
     name = _domain_name(domain) if domain else ""
-    with Library(fspath(store)) as library:
+    with kb_store.Library(fspath(store)) as library:
         return tuple(library.all(name))
 
 
 def _domain_name(target: str) -> str:
     """The name of the domain that a target names."""
-    from cellwright.engine.pipelines.planning.target_files import load_target
-    from cellwright.kb.loader import find_target
-
-    return load_target(find_target(target)).domain.name
+    return planning.load_target(loader.find_target(target)).domain.name
 
 
 def learn(store: Name, plans: Sequence[Name]) -> "tuple[Lesson, ...]":
@@ -115,48 +112,33 @@ def learn(store: Name, plans: Sequence[Name]) -> "tuple[Lesson, ...]":
 
     Raises `InvalidInput`.
     """
-    from cellwright.engine.pipelines.planning.macros.macro_exchange import learn_from_file
-    from cellwright.kb.store import Library
-
-    with Library(fspath(store)) as library:
-        return tuple(learn_from_file(Path(plan), library) for plan in plans)
+    with kb_store.Library(fspath(store)) as library:
+        return tuple(planning.learn_from_file(Path(plan), library) for plan in plans)
 
 
 def forget(store: Name, numbers: Sequence[int]) -> int:
     """Remove MACROPs by their numbers; how many were removed."""
-    from cellwright.kb.store import Library
-
-    with Library(fspath(store)) as library:
+    with kb_store.Library(fspath(store)) as library:
         return library.forget(set(numbers))
 
 
 def export_macros(store: Name, file: Name, domain: str = "") -> int:
     """Write the MACROPs of a store to a JSON file; how many there are."""
-    from cellwright.engine.pipelines.planning.macros.macro_exchange import write_macros
-
     stored_macros = macros(store, domain)
-    write_macros(Path(file), [stored.macrop for stored in stored_macros])
+    planning.write_macros(Path(file), [stored.macrop for stored in stored_macros])
     return len(stored_macros)
 
 
 def import_macros(store: Name, file: Name) -> int:
     """Add the MACROPs of such a file to a store; how many were new. Raises `InvalidInput`."""
-    from cellwright.engine.pipelines.planning.macros.macro_exchange import (
-        macro_records,
-        read_macros,
-    )
-    from cellwright.kb.store import Library
-
-    made = macro_records(read_macros(Path(file)))
-    with Library(fspath(store)) as library:
+    made = planning.macro_records(planning.read_macros(Path(file)))
+    with kb_store.Library(fspath(store)) as library:
         return sum(number is not None for number in library.add(made))
 
 
 def check_store(store: Name) -> "tuple[Diagnostic, ...]":
     """The damage in a store; empty if there is none. Raises `InvalidInput` if this is no store."""
-    from cellwright.kb.store.store_maintenance import check_library
-
-    return tuple(check_library(fspath(store))[0])
+    return tuple(kb_store.check_library(fspath(store))[0])
 
 
 def back_up(store: Name, file: Name) -> Mapping[str, int]:
@@ -164,9 +146,7 @@ def back_up(store: Name, file: Name) -> Mapping[str, int]:
 
     Raises `InvalidInput`.
     """
-    from cellwright.kb.store import store_maintenance
-
-    return store_maintenance.write_backup(fspath(store), Path(file))
+    return kb_store.write_backup(fspath(store), Path(file))
 
 
 def restore(file: Name, store: Name, *, replace: bool = False) -> Mapping[str, int]:
@@ -174,9 +154,7 @@ def restore(file: Name, store: Name, *, replace: bool = False) -> Mapping[str, i
 
     Raises `InvalidInput`.
     """
-    from cellwright.kb.store import store_maintenance
-
-    return store_maintenance.restore_backup(Path(file), fspath(store), replace)
+    return kb_store.restore_backup(Path(file), fspath(store), replace)
 
 
 def migrate(source: Name, store: Name) -> Mapping[str, int]:
@@ -184,6 +162,4 @@ def migrate(source: Name, store: Name) -> Mapping[str, int]:
 
     Raises `InvalidInput`.
     """
-    from cellwright.kb.store import store_maintenance
-
-    return store_maintenance.migrate_library(fspath(source), fspath(store))
+    return kb_store.migrate_library(fspath(source), fspath(store))

@@ -3,14 +3,16 @@
 The engine's own implementations are registered in the same way as those of other packages.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from cellwright.engine.ports import ContactFilter, Driver, DriverSetup, GeometryBackend
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+    from cellwright.engine.ports import ContactFilter, Driver, DriverSetup, GeometryBackend
     from cellwright.kb.model.contact_model import ContactModel
 
 GEOMETRY_GROUP = "cellwright.geometry"
@@ -19,14 +21,18 @@ CONTACT_FILTERS = "cellwright.contact_filters"
 DRIVER_GROUP = "cellwright.drivers"
 
 
+def _entry_points(group: str) -> "Iterable[EntryPoint]":
+    from importlib import metadata  # slow to load, and the engine's own geometry needs none
+
+    return metadata.entry_points(group=group)
+
+
 def registered_names(group: str) -> list[str]:
     """The names that are registered in a group. The packages that they need may be missing."""
-    from importlib import metadata
-
-    return sorted({point.name for point in metadata.entry_points(group=group)})
+    return sorted({point.name for point in _entry_points(group)})
 
 
-def geometry_backend(name: str = "builtin") -> GeometryBackend:
+def geometry_backend(name: str = "builtin") -> "GeometryBackend":
     """The geometry backend of this name. The engine's own is there without a search among packages,
     so that it starts quickly.
 
@@ -37,7 +43,7 @@ def geometry_backend(name: str = "builtin") -> GeometryBackend:
     return backend
 
 
-def contact_filter(name: str, model: "ContactModel") -> ContactFilter:
+def contact_filter(name: str, model: "ContactModel") -> "ContactFilter":
     """The filter of contact states of this name, made for a contact model.
 
     Raises `InvalidInput` as `geometry_backend` does.
@@ -46,16 +52,14 @@ def contact_filter(name: str, model: "ContactModel") -> ContactFilter:
     return contact_filter_made
 
 
-def make_driver(name: str, setup: DriverSetup) -> Driver:
+def make_driver(name: str, setup: "DriverSetup") -> "Driver":
     """The driver of this name, made for a run. Raises `InvalidInput` as `geometry_backend` does."""
     driver_made: Driver = _load_plugin(DRIVER_GROUP, name)(setup)
     return driver_made
 
 
 def _load_plugin(group: str, name: str) -> Callable[..., Any]:
-    from importlib import metadata
-
-    entry_points = [point for point in metadata.entry_points(group=group) if point.name == name]
+    entry_points = [point for point in _entry_points(group) if point.name == name]
     if not entry_points:
         names = registered_names(group)
         again = "install this version again: none of its plug-ins of this kind is registered"

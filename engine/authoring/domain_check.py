@@ -18,6 +18,7 @@ from cellwright.engine.stages.grounding import (
     reachable_atoms,
     reachable_operators,
 )
+from cellwright.kb import loader
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.check import check_domain, unreachable_operators
 from cellwright.kb.check.fault_base_check import check_faults
@@ -209,10 +210,8 @@ def _checked_contacts(domain: Path) -> list[Diagnostic]:
     """The errors in the contact model beside a domain, and whether its filters let the start
     pass.
     """
-    from cellwright.kb.loader.contacts import load_contacts
-
     try:
-        model, warnings = load_contacts(domain)
+        model, warnings = loader.load_contacts(domain)
         net_space(model, NetRequest(forms=0))
     except InvalidInput as error:
         return list(error.diagnostics)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from cellwright.engine.authoring.domain_check import check_domain_files
 from cellwright.engine.stages.grounding import ground
+from cellwright.kb import loader
 from cellwright.kb.asp.excerpt import excerpt_problem
 from cellwright.kb.check.fault_base_check import check_faults
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, order_diagnostics
@@ -114,9 +115,7 @@ def _fault_findings(domain: Path) -> list[Diagnostic]:
 
 
 def _contact_findings(domain: Path) -> list[Diagnostic]:
-    from cellwright.kb.loader.contacts import load_contacts
-
-    return list(load_contacts(domain)[1])
+    return list(loader.load_contacts(domain)[1])
 
 
 def _cell_findings(domain: Path) -> list[Diagnostic]:

@@ -23,9 +23,8 @@ from cellwright.kb.loader.device_uses import DeviceUse
 from cellwright.kb.loader.device_uses.device_files import FilledFile
 from cellwright.kb.loader.device_uses.use_binding import readable_uses
 from cellwright.kb.loader.fault_base import FAULTS_FILE
-from cellwright.kb.loader.geometry_values import child_at
 from cellwright.kb.loader.tolerant_yaml import YamlPiece, piece_tree, split_pieces
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at
 from cellwright.kb.targets import DEVICE_FILE
 
 ASP_KIND = "asp"

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from cellwright.kb.diagnostics import unknown_name
 from cellwright.kb.files import read_file
-from cellwright.kb.loader.geometry_values import ANGLE, QuantityReader, child_at
+from cellwright.kb.loader.geometry_values import ANGLE, QuantityReader
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at
 from cellwright.kb.model.body_shapes import Pose
 from cellwright.kb.model.cell_model import Arm, Joint, Link
 

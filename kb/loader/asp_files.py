@@ -16,7 +16,7 @@ from cellwright.kb.asp.statements import (
 from cellwright.kb.diagnostics import Source, nearest_hint
 from cellwright.kb.files import File, is_file, path_below
 from cellwright.kb.graphs import strong_components
-from cellwright.kb.loader.omissions import lacking_stop
+from cellwright.kb.loader.missing_stops import lacking_stop
 from cellwright.kb.loader.reader import Reader
 from cellwright.kb.loader.symbol_table import SymbolTable, count_of
 from cellwright.kb.loader.yaml_tree import SHORT_FILE_CHARACTERS, YamlNode

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from cellwright.kb.diagnostics import Diagnostic, unknown_name
 from cellwright.kb.loader.domain_file import read_beside
-from cellwright.kb.loader.geometry_values import QuantityReader, child_at, mapping_members
+from cellwright.kb.loader.geometry_values import QuantityReader
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid
 from cellwright.kb.loader.symbol_table import SymbolTable
 from cellwright.kb.loader.variable_types import Typing
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, mapping_members
 from cellwright.kb.model.body_shapes import Pose
 from cellwright.kb.model.contact_model import (
     ANY,

@@ -16,11 +16,11 @@ from cellwright.kb.loader.operator_reader import read_operators
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
 from cellwright.kb.loader.symbol_table import SymbolTable
 from cellwright.kb.loader.yaml_tree import YamlNode
-from cellwright.kb.model.cell_model import WORLD_FRAME
 from cellwright.kb.model.condition_forms import with_named_values
 from cellwright.kb.model.domain_model import (
     DISTANCE_TERM,
     RUN_TOOLS,
+    WORLD_FRAME,
     Domain,
     Motion,
     Phrase,

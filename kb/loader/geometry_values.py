@@ -1,13 +1,14 @@
 """Lengths, angles, poses and shapes in files, read into metres and radians."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from cellwright.kb.diagnostics import unknown_name
 from cellwright.kb.files import is_file, path_below
 from cellwright.kb.loader.reader import LoadFindings
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, mapping_members, required_child
 from cellwright.kb.model.body_shapes import (
     MAX_MAGNITUDE,
     MESH_SUFFIXES,
@@ -136,27 +137,6 @@ class QuantityReader:
 _A = {LENGTH: "a length", ANGLE: "an angle", FACTOR: "a factor"}
 
 
-def child_at(node: YamlNode | None, key: str) -> YamlNode | None:
-    """The value under `key` of a mapping, or None."""
-    if node is None or not isinstance(node.value, dict) or key not in node.value:
-        return None
-    value: YamlNode = node.value[key][1]
-    return value if value.value != "" else None
-
-
-def required_child(node: YamlNode, key: str) -> YamlNode:
-    """The value under a key that the checked form of the file guarantees."""
-    value: YamlNode = node.value[key][1]
-    return value
-
-
-def mapping_members(node: YamlNode | None) -> Iterator[tuple[str, YamlNode, YamlNode]]:
-    """The (key, key node, value node) of a mapping; empty if there is no node."""
-    if node is not None and isinstance(node.value, dict):
-        for key, (key_node, value) in node.value.items():
-            yield key, key_node, value
-
-
 def _read_sphere(read: QuantityReader, node: YamlNode) -> Shape:
     return Sphere(read.positive(node))
 
@@ -231,8 +211,6 @@ def _known_vertices(
     read: QuantityReader, node: YamlNode, vertices: dict[str, Vector]
 ) -> tuple[str, ...]:
     """The vertex names in a list. Unknown names are reported and left out."""
-    from cellwright.kb.diagnostics import unknown_name
-
     names = []
     for item in node.value:
         if item.value in vertices:

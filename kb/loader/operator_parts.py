@@ -4,7 +4,6 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 from cellwright.kb.diagnostics import nearest_hint
-from cellwright.kb.loader.geometry_values import child_at
 from cellwright.kb.loader.numeric_expressions import NumericExpression, refuse_quantity, with_values
 from cellwright.kb.loader.reader import Expression, Reader
 from cellwright.kb.loader.symbol_table import CHANGEABLE_KINDS, CONDITION_KINDS, SymbolTable
@@ -14,6 +13,7 @@ from cellwright.kb.loader.variable_types import (
     refuse_unbound,
     scope_conditions,
 )
+from cellwright.kb.loader.yaml_tree import child_at
 from cellwright.kb.model.condition_forms import (
     enumerable_parameters,
     free_variables,

@@ -68,7 +68,8 @@ def _cell_with_frame(domain: Domain) -> "tuple[Cell, str] | None":
     version = version_of_cell(domain)
     if version is None:
         return None
-    from cellwright.kb.model.cell_model import WORLD_FRAME, is_fixed
+    from cellwright.kb.model.cell_model import is_fixed
+    from cellwright.kb.model.domain_model import WORLD_FRAME
 
     frame, cell = (
         domain.motion.frame if domain.motion else WORLD_FRAME,

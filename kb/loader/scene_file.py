@@ -12,17 +12,11 @@ from cellwright.kb.files import read_file
 from cellwright.kb.loader.arm_file import quantities_of
 from cellwright.kb.loader.calibration_file import load_calibration
 from cellwright.kb.loader.cell import read_cell
-from cellwright.kb.loader.geometry_values import (
-    ANGLE,
-    FACTOR,
-    LENGTH,
-    QuantityReader,
-    child_at,
-    required_child,
-)
+from cellwright.kb.loader.geometry_values import ANGLE, FACTOR, LENGTH, QuantityReader
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
-from cellwright.kb.loader.yaml_tree import YamlNode
-from cellwright.kb.model.cell_model import WORLD_FRAME, Cell, Placement
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, required_child
+from cellwright.kb.model.cell_model import Cell, Placement
+from cellwright.kb.model.domain_model import WORLD_FRAME
 from cellwright.kb.model.part_scene import (
     DENSITY,
     INSET_M,

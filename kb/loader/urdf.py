@@ -6,10 +6,10 @@ from pathlib import Path
 
 from cellwright.kb.diagnostics import InvalidInput, Source
 from cellwright.kb.files import is_file, read_file
-from cellwright.kb.loader.geometry_values import QuantityReader, child_at
+from cellwright.kb.loader.geometry_values import QuantityReader
 from cellwright.kb.loader.reader import LoadFindings
 from cellwright.kb.loader.strict_xml import XmlElement, read_xml
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at
 from cellwright.kb.model.body_shapes import (
     MAX_MAGNITUDE,
     MESH_SUFFIXES,

@@ -11,7 +11,7 @@ import yaml
 
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import File, find_unprintable, read_file
-from cellwright.kb.loader.omissions import lacking_colon
+from cellwright.kb.loader.missing_colons import lacking_colon
 
 MAX_YAML_DEPTH = 50
 MAX_NODES = 1_000_000
@@ -84,6 +84,27 @@ def _visible_places(raw: str) -> list[int]:
     skip = opening.end() if opening else 0
     places = [match.start() for match in re.finditer(r"\S", raw)]
     return places[bisect_left(places, skip) :]
+
+
+def child_at(node: YamlNode | None, key: str) -> YamlNode | None:
+    """The value under `key` of a mapping, or None."""
+    if node is None or not isinstance(node.value, dict) or key not in node.value:
+        return None
+    value: YamlNode = node.value[key][1]
+    return value if value.value != "" else None
+
+
+def required_child(node: YamlNode, key: str) -> YamlNode:
+    """The value under a key that the checked form of the file guarantees."""
+    value: YamlNode = node.value[key][1]
+    return value
+
+
+def mapping_members(node: YamlNode | None) -> Iterator[tuple[str, YamlNode, YamlNode]]:
+    """The (key, key node, value node) of a mapping; empty if there is no node."""
+    if node is not None and isinstance(node.value, dict):
+        for key, (key_node, value) in node.value.items():
+            yield key, key_node, value
 
 
 def too_many_values(file: File, offset: int, most: int) -> InvalidInput:

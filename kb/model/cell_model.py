@@ -11,6 +11,7 @@ from enum import Enum
 
 from cellwright.kb.diagnostics import NOWHERE, Source
 from cellwright.kb.model.body_shapes import IDENTITY_POSE, Offsets, PlacedShape, Pose, Shape, Vector
+from cellwright.kb.model.domain_model import WORLD_FRAME
 from cellwright.kb.terms import Atom, Function, Term
 
 
@@ -66,7 +67,6 @@ class Sensor:
     tells: Mapping[str, str] = field(default_factory=dict)
 
 
-WORLD_FRAME = "world"
 # how deep things may overlap that touch by intention, unless the place says otherwise
 TOUCH_DEPTH_M = 0.005
 ZONE_SPEED_M_S = 0.25  # near people, unless the zone says otherwise (ISO 10218: reduced speed)

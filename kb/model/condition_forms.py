@@ -25,7 +25,13 @@ from cellwright.kb.model.conditions import (
     part_variables,
     substitute_part,
 )
-from cellwright.kb.model.domain_model import BUILT_IN_TYPES, OBJECT_TYPE, Domain, Rule
+from cellwright.kb.model.domain_model import (
+    BUILT_IN_TYPES,
+    OBJECT_TYPE,
+    UNLISTED_TYPES,
+    Domain,
+    Rule,
+)
 from cellwright.kb.terms import (
     ANYTHING,
     Atom,
@@ -100,8 +106,6 @@ def bound_by_atom(term: Term) -> Iterator[Variable]:
 
 def enumerable_parameters(parameters: Iterable[Parameter]) -> set[Variable]:
     """The parameters whose type has values that can be enumerated."""
-    from cellwright.kb.model.domain_model import UNLISTED_TYPES
-
     return {parameter.variable for parameter in parameters if parameter.type not in UNLISTED_TYPES}
 
 

@@ -30,6 +30,8 @@ NUMERIC_TYPES = ("int", "time")
 BUILT_IN_TYPES = (OBJECT_TYPE, *NUMERIC_TYPES, "text")
 UNLISTED_TYPES = (*NUMERIC_TYPES, "text")  # types whose values cannot be enumerated
 
+WORLD_FRAME = "world"  # the frame that a cell stands in
+
 
 @dataclass(frozen=True, slots=True)
 class Type:

@@ -13,6 +13,8 @@ from typing import Any
 
 import lark
 from lark import Lark
+from lark.grammar import Rule
+from lark.lexer import TerminalDef
 
 TABLES_FILE = Path(__file__).with_name("expressions.json")
 
@@ -34,9 +36,6 @@ def build_parser(grammar: str, starts: Sequence[str]) -> Lark:
 
 def tables_text(grammar: str, starts: Sequence[str]) -> str:
     """The tables as text, with what they belong to."""
-    from lark.grammar import Rule
-    from lark.lexer import TerminalDef
-
     data, memo = build_parser(grammar, starts).memo_serialize([TerminalDef, Rule])
     content = {"of": _tables_identity(grammar, starts), "data": data, "memo": memo}
     return json.dumps(content, sort_keys=True, separators=(",", ":")) + "\n"

@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
-from tests.properties.test_derived_atoms import layered
 
 from cellwright.engine.formats.interop.pddl import PddlProblem, read_pddl_task
 from cellwright.engine.formats.interop.pddl.competition_plans import read_plan, write_plan
@@ -22,6 +21,7 @@ from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.validation import validate_plan
+from tests.properties.test_derived_atoms import layered
 
 OBJECTS = ("a", "b")
 VARIABLES = ("?x", "?y")

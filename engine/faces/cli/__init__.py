@@ -13,13 +13,10 @@ def main() -> None:
     Before a verb begins and after it ends, Ctrl-C ends the process without a message.
     """
     _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
-    gc.set_threshold(100_000)  # rarely: few objects here refer to each other in circles
-    from cellwright.engine.faces.cli.bytecode_cache import kept_code
-
-    code = kept_code()
+    gc.set_threshold(400_000)  # rarely: few objects here refer to each other in circles
     from cellwright.engine.faces.cli.invocation import run_command_line
 
-    run_command_line(code)
+    run_command_line()
 
 
 def __getattr__(name: str) -> object:

@@ -1,4 +1,4 @@
-"""The typer application: help, completion and every line that the plain parser leaves to it."""
+"""The typer application: it reads every command line, and has help and completion."""
 
 import re
 from collections.abc import Iterator, MutableMapping
@@ -7,26 +7,11 @@ from itertools import pairwise
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
-from cellwright.engine.faces.cli.option_declarations import WRONG
 from cellwright.engine.faces.cli.output.answer_output import refuse_command_line, writing_output
-from cellwright.engine.faces.cli.verb_table import VERBS, limit_verb, load_verb
-
-VERBS_FOR = {
-    "Describe a cell": ("init", "devices", "check", "format", "test", "schema", "lsp"),
-    "Plan": ("plan", "schedule", "sequence", "explain", "validate", "revise", "prepare"),
-    "Carry out": ("run", "resume", "monitor", "results", "driver"),
-    "Tell a run that goes on": (
-        "stop", "interrupt", "continue", "approve", "answer", "add", "skip", "retry", "back",
-        "correct", "abort",
-    ),
-    "Find faults": ("diagnose",),
-    "Geometry, parts and "
-    "measurements": ("cell", "motion", "states", "place", "handey", "measurement"),
-    "Keep and exchange": ("store", "macros", "import", "export"),
-}  # fmt: skip
-"""The verbs under each heading, in the order of help."""
+from cellwright.engine.faces.cli.verb_table import VERBS, VERBS_FOR, limit_verb, load_verb
+from cellwright.engine.faces.cli.wrong_options import WRONG
 
 OPTIONS_FOR = {
     "What is wanted": (
@@ -99,7 +84,12 @@ class Verbs(TyperGroup):
         with _escaping_messages():
             return super().parse_args(ctx, args)
 
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - the context is part of the protocol
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the page of help, with the verbs in the words of their table: none is loaded."""
+        self.commands = _outlines()
+        super().format_help(ctx, formatter)
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - of the protocol
         """All verbs, in the order of their purposes."""
         return [verb for verbs in VERBS_FOR.values() for verb in verbs]
 
@@ -129,6 +119,15 @@ def _escaping_messages() -> Iterator[None]:
 
         wrong.message = escape_controls(wrong.message)
         raise
+
+
+def _outlines() -> dict[str, Any]:
+    """The verbs as far as lists of commands show them."""
+    return {
+        name: TyperCommand(name, short_help=verb.summary, rich_help_panel=heading)
+        for heading, verbs in VERBS_FOR.items()
+        for name, verb in verbs.items()
+    }
 
 
 class _LazyCommands(MutableMapping[str, Any]):

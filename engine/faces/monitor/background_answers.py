@@ -14,14 +14,21 @@ import numpy as np
 
 from cellwright.engine.faces.monitor.chosen_item import names_any
 from cellwright.engine.faces.monitor.run_follower import RunFollower
+from cellwright.engine.formats import report
 from cellwright.engine.formats.report.drawing.tour_svg import draw_tour
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.part_measurements import measurements_of
 from cellwright.engine.model.tour_problem import Tour, TourProblem, Visit
+from cellwright.engine.model.troubleshooting import expected_cost
+from cellwright.engine.pipelines import planning
 from cellwright.engine.pipelines.execution.journal_motions import Retracing, TakenStep
 from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
 from cellwright.engine.pipelines.explanation.step_purposes import later_uses
 from cellwright.engine.pipelines.jobs.parent_exit import end_with_parent
+from cellwright.engine.pipelines.recovery.diagnosis_case import open_diagnosis_case
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb import loader
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader.cell import cell_of
 from cellwright.kb.model.name_conventions import Conventions
@@ -109,11 +116,7 @@ def further_motions(
 def _retracing_of(
     store: str, run: str, target: Target
 ) -> tuple[RunFollower, Retracing, list[TakenStep]]:
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
-    from cellwright.engine.plugins import geometry_backend
-    from cellwright.kb.loader.cell import cell_of
-
-    problem, cell = problem_of(*target), cell_of(target[0])
+    problem, cell = planning.problem_of(*target), loader.cell_of(target[0])
     return RunFollower(store, run), Retracing.of(problem, cell, geometry_backend()), []
 
 
@@ -122,10 +125,7 @@ MAX_TASKS = 4  # that are kept
 
 @lru_cache(MAX_TASKS)
 def _ground_task(target: Target) -> GroundTask:
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
-    from cellwright.engine.stages.grounding import ground
-
-    return ground(problem_of(*target))
+    return ground(planning.problem_of(*target))
 
 
 def step_reasons(target: Target, steps: Sequence[dict[str, Any]], number: int) -> list[str]:
@@ -149,16 +149,12 @@ def step_reasons(target: Target, steps: Sequence[dict[str, Any]], number: int) -
 
 def exception_tree_svg(target: str, exception: str, step: str) -> str:
     """The decision tree of an exception at a step as SVG; a sentence if there is none."""
-    from cellwright.engine.formats.report.runs.diagnosis_report import decision_tree_svg as drawn
-    from cellwright.engine.model.troubleshooting import expected_cost
-    from cellwright.engine.pipelines.recovery.diagnosis_case import open_diagnosis_case
-
     try:
         case_desk = open_diagnosis_case(target, exception, step)
     except InvalidInput as refused:
         return refused.diagnostics[0].message
     tree = case_desk.session.selector.tree(case_desk.session.standing)
-    return drawn(case_desk.session.case.problem, tree, expected_cost(tree))
+    return report.decision_tree_svg(case_desk.session.case.problem, tree, expected_cost(tree))
 
 
 def contact_states(target: str, facts: Collection[str]) -> tuple[str, list[tuple[str, ...]]]:
@@ -167,7 +163,6 @@ def contact_states(target: str, facts: Collection[str]) -> tuple[str, list[tuple
 
     A sentence and nothing if the cell has no contact model.
     """
-    from cellwright.engine.formats.report.drawing.net_svg import draw_net as drawn
     from cellwright.engine.pipelines.contact_states.net_marking import marking_of_facts, player_of
 
     try:
@@ -181,7 +176,7 @@ def contact_states(target: str, facts: Collection[str]) -> tuple[str, list[tuple
         for inside in clusters
         for name in inside
     ]  # fmt: skip
-    return drawn(player.net, marked), sorted(rows)
+    return report.draw_net(player.net, marked), sorted(rows)
 
 
 MICROMETRE_M = 1e-6
@@ -226,10 +221,8 @@ def _measured_places(target: Target) -> tuple[Conventions, dict[str, tuple[str, 
     """The domain's words; and for each place the measurement that is made there, with its point
     in metres.
     """
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
-
     try:
-        problem = problem_of(*target)
+        problem = planning.problem_of(*target)
     except InvalidInput:
         return Conventions(), {}
     words, spots = (

@@ -7,7 +7,11 @@ from typing import Any
 from nicegui import background_tasks, events, ui
 
 from cellwright.engine.faces.monitor.cell3d import VIEW_SIDES, body_scene, turn_camera
-from cellwright.engine.faces.monitor.measurement_sheets import MeasuredPart, written_point
+from cellwright.engine.faces.monitor.measurement_sheets import (
+    MeasuredPart,
+    point_verdict,
+    written_point,
+)
 from cellwright.engine.faces.monitor.page_frame import page_head, page_heading
 from cellwright.engine.faces.monitor.shared_state import SharedState
 from cellwright.engine.formats.interop.inspection_files import as_qif
@@ -253,8 +257,6 @@ class MeasuringPage:
 
 def _judge_point(path: str, point: dict[str, Any]) -> tuple[bool, str]:
     """The verdict on a point, in a process of its own; a point that cannot be read has none."""
-    from cellwright.engine.faces.monitor.measurement_sheets import point_verdict
-
     try:
         return point_verdict(path, point)
     except InvalidInput as refused:

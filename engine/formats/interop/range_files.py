@@ -3,6 +3,7 @@ others, read for a tool.
 """
 
 import io
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -38,8 +39,6 @@ def write_ranges(path: Path, image: RangeImage) -> None:
 
     Raises `InvalidInput` for a file that cannot be written.
     """
-    import json
-
     if path.suffix.lower() != OWN_SUFFIX:
         raise _bad_range_file(
             path, f"'{path.suffix}' is no form of range images", f"write a {OWN_SUFFIX} file"

@@ -6,6 +6,7 @@ from fractions import Fraction
 from functools import cached_property, partial
 
 from cellwright.engine.model.time_limits import Stay
+from cellwright.engine.pipelines import planning
 from cellwright.engine.stages.execution import Activity, ActivityProgram, Dwell
 from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation, StepChange
 from cellwright.engine.stages.lifted.lifted_execution import changes_of
@@ -152,9 +153,7 @@ def with_queues(compiled: CompiledProgram, lookahead: Callable[[str], int]) -> C
 
 def initial_situation(problem: Problem, state: Collection[Atom] | None = None) -> Situation:
     """The situation in which a problem begins."""
-    from cellwright.engine.pipelines.planning.plan_gate import PlanGate
-
-    facts = PlanGate().semantics(problem).initial() if state is None else state
+    facts = planning.PlanGate().semantics(problem).initial() if state is None else state
     return Situation.of(CellDomain(problem), facts)
 
 

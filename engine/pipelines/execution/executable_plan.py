@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from cellwright.engine.model.outcome import Found, Outcome
+from cellwright.engine.model.plan_times import earliest_starts
 from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.model.time_limits import missed_windows_text, tour_begin_so_far
 from cellwright.engine.pipelines.execution.compiled_program import (
@@ -12,6 +13,7 @@ from cellwright.engine.pipelines.execution.compiled_program import (
     initial_situation,
     unit_ms,
 )
+from cellwright.engine.pipelines.execution.planner_choice import choose_and_plan
 from cellwright.engine.pipelines.planning.checked_plan import task_for
 from cellwright.engine.pipelines.planning.dwell_limits import stays_of, wishes_for
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
@@ -59,8 +61,6 @@ def first_plan(
 
     What is learned of plans is kept in `store`, if one is given.
     """
-    from cellwright.engine.pipelines.execution.planner_choice import choose_and_plan
-
     planned = choose_and_plan(problem, limits, store, outcome)
     if not isinstance(planned.outcome, Found):
         return planned.outcome
@@ -141,8 +141,6 @@ def compile_ready_plan(
     """The program of a plan with its forecast; without `starts`, every step is as early as the
     plan's order allows.
     """
-    from cellwright.engine.model.plan_times import earliest_starts
-
     times = dict(starts) if starts is not None else earliest_starts(plan)
     begin = here or initial_situation(problem)
     wishes = wishes_for(PlanGate().semantics(problem), plan)

@@ -14,6 +14,7 @@ from cellwright.engine.model.run_protocol import (
     Reply,
     TroubleKind,
 )
+from cellwright.engine.pipelines import motion
 from cellwright.engine.pipelines.execution.run_progress import RunProgress, motion_refusal
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.model.plan_model import Plan
@@ -57,12 +58,8 @@ def not_begun(course: RunProgress, numbers: Collection[int]) -> None:
 
 
 def _note_seen(course: RunProgress, reply: Reply) -> None:
-    from cellwright.engine.pipelines.motion.seen_bodies import (
-        seen_in,  # it needs numpy, and most runs no geometry
-    )
-
     assert course.paths is not None
-    seen, unread = seen_in(reply.data, course.paths.cell)
+    seen, unread = motion.seen_in(reply.data, course.paths.cell)
     if unread:
         reason = f"reply {reply.number} tells of {', '.join(unread)} in a way that cannot be read"
         kind = TroubleKind.GARBAGE.value

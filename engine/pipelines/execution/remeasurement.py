@@ -11,10 +11,13 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.model.part_measurements import chooses_tools, names_in_goal
 from cellwright.engine.model.shape_fits import Alignment, Unaligned
 from cellwright.engine.model.verdicts import MeasuredFeature, Spoilt
+from cellwright.engine.pipelines import inspection
 from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan
 from cellwright.engine.pipelines.execution.planner_choice import choose_and_plan
 from cellwright.engine.pipelines.execution.run_goals import RunScope
@@ -47,9 +50,7 @@ def datums_asked(problem: Problem) -> tuple[str, ...]:
     ):
         return ()
     # it needs numpy
-    from cellwright.engine.pipelines.inspection.part_alignment import alignment_asked
-
-    return alignment_asked(problem)
+    return inspection.alignment_asked(problem)
 
 
 def first_stage(ready: ReadyPlan, scope: RunScope) -> tuple[Plan, RunScope] | None:
@@ -79,23 +80,24 @@ def _require_held(problem: Problem) -> None:
     """Refuse datums that cannot show where the part lies, however well they are measured, and
     name points that would help.
     """
-    from cellwright.engine.pipelines.inspection.part_alignment import (
-        datum_points,
-        datums_of_points,
-        known_profiles,
-    )
     from cellwright.engine.stages.fitting.datum_alignment import datums_that_hold, lacking_datums
 
-    asked = datum_points(problem)
-    planned = datums_of_points([(point, 0.0) for point in asked.values()], [1.0] * len(asked))
+    asked = inspection.datum_points(problem)
+    planned = inspection.datums_of_points(
+        [(point, 0.0) for point in asked.values()], [1.0] * len(asked)
+    )
     reason = lacking_datums(planned)
     if reason is None:
         return
     other_points = [
-        (point, 0.0) for name, point in known_profiles(problem).items() if name not in asked
+        (point, 0.0)
+        for name, point in inspection.known_profiles(problem).items()
+        if name not in asked
     ]
     best = (
-        datums_that_hold(planned, datums_of_points(other_points, [1.0] * len(other_points)))
+        datums_that_hold(
+            planned, inspection.datums_of_points(other_points, [1.0] * len(other_points))
+        )
         if other_points
         else ()
     )
@@ -109,10 +111,9 @@ def locate_part(
     problem: Problem, measured: Sequence[Measured]
 ) -> tuple[tuple[str, ...], Alignment | Unaligned]:
     """The datums, and where the part lies by their last values, or why it fits nowhere."""
-    from cellwright.engine.pipelines.inspection.part_alignment import measured_datums
     from cellwright.engine.stages.fitting.datum_alignment import align_by_datums
 
-    datums = measured_datums(problem, measured)
+    datums = inspection.measured_datums(problem, measured)
     if datums is None:
         return (), Unaligned("not all datums were measured")
     return datums.names, align_by_datums(datums)
@@ -135,21 +136,15 @@ def looks_needed(
     """What a demand on how well the part is known (`aligned_within`) makes necessary; None if
     nothing is demanded, or it is met.
     """
-    import numpy as np
-
-    from cellwright.engine.pipelines.inspection.measurement_points import (
-        points_of_problem,
-        with_places,
-    )
-    from cellwright.engine.pipelines.inspection.part_alignment import (
-        aligned_within_m,
-        measured_datums,
-        once_m,
-    )
     from cellwright.engine.stages.fitting.datum_alignment import SURE_SIGMAS, count_further_looks
 
-    within, datums = aligned_within_m(problem), measured_datums(problem, measured)
-    places = [point.position for point in points_of_problem(with_places(problem))]
+    within, datums = (
+        inspection.aligned_within_m(problem),
+        inspection.measured_datums(problem, measured),
+    )
+    places = [
+        point.position for point in inspection.points_of_problem(inspection.with_places(problem))
+    ]
     if within is None or datums is None or not places:
         return None
     sure = SURE_SIGMAS * float(alignment.sigma_at(np.array(places)).max())
@@ -157,7 +152,12 @@ def looks_needed(
     times = Counter(value.of for value in measured)
     values_left = MAX_DATUM_VALUES - max(times[name] for name in datums.names)
     looks = count_further_looks(
-        alignment, datums, once_m(measured, datums.names), places, within, max(0, values_left)
+        alignment,
+        datums,
+        inspection.once_m(measured, datums.names),
+        places,
+        within,
+        max(0, values_left),
     )
     if looks is None:
         most = f"{MAX_DATUM_VALUES} values of each datum are not enough for that"
@@ -170,9 +170,7 @@ def looks_needed(
 
 def move_points(problem: Problem, lying: PartAlignment) -> Problem:
     """The problem with its points where the part lies."""
-    from cellwright.engine.pipelines.inspection.part_alignment import displace_problem
-
-    return displace_problem(problem, lying.T)
+    return inspection.displace_problem(problem, lying.T)
 
 
 def judge_features(
@@ -184,9 +182,7 @@ def judge_features(
     """All features that were measured. Without any uncertainty there is nothing to judge."""
     if not any(value.uncertainty for value in measured):
         return ()
-    from cellwright.engine.pipelines.inspection.feature_verdicts import assess_features
-
-    return assess_features(problem, measured, lying, spoilt)
+    return inspection.assess_features(problem, measured, lying, spoilt)
 
 
 def facts_of(problem: Problem, names: Collection[str], facts: Collection[Atom]) -> list[Atom]:

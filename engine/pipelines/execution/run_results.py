@@ -7,6 +7,7 @@ from typing import Any
 from cellwright.engine.model.part_measurements import chooses_tools
 from cellwright.engine.model.run_protocol import RecordKind
 from cellwright.engine.model.verdicts import Survey
+from cellwright.engine.pipelines import inspection
 from cellwright.engine.pipelines.execution.run_journal import reading_past
 from cellwright.engine.pipelines.inspection.nominal_values import MeasurementJudge
 from cellwright.engine.pipelines.inspection.spoilt_values import spoilt_in
@@ -66,8 +67,6 @@ def survey_of(store: str, run: str) -> Told:
 
     Raises `InvalidInput` as `results_of` does.
     """
-    from cellwright.engine.pipelines.inspection.feature_verdicts import survey_run  # it needs numpy
-
     with Journal(store) as journal:
         begun = journal.known(run)
         about = begun.document
@@ -88,7 +87,7 @@ def survey_of(store: str, run: str) -> Told:
     again = _repeat_reasons(
         line.content for line in lines_told if line.kind == RecordKind.DECISION.value
     )
-    surveyed = survey_run(
+    surveyed = inspection.survey_run(
         problem, results, placed, given_up, _impossible_goals(problem), spoilt, again
     )
     return Told(results, surveyed, subjects)

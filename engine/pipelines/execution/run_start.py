@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from cellwright.engine.model.outcome import Outcome
 from cellwright.engine.model.run_protocol import PROTOCOL_VERSION, Finish, JournalRecord, RecordKind
 from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines import motion as motion_room
+from cellwright.engine.pipelines import planning
 from cellwright.engine.pipelines.execution.checkpoints import past_of
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.executable_plan import (
@@ -30,9 +32,10 @@ from cellwright.engine.pipelines.inspection.spoilt_values import spoilt_in
 from cellwright.engine.pipelines.recovery import KeptHistory, SymbolicWorld
 from cellwright.engine.pipelines.simulators import exceptions_of_cause
 from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
-from cellwright.engine.plugins import make_driver
+from cellwright.engine.plugins import geometry_backend, make_driver
 from cellwright.engine.ports import DriverSetup
 from cellwright.engine.stages.planning import SearchLimits
+from cellwright.kb import loader
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint, unknown_name
 from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.model.planning_problem import Problem
@@ -328,9 +331,7 @@ def follow_run(
 
 
 def _read_problem(target: str, goals: str, command: str) -> Problem:
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
-
-    return problem_of(target, goals, command)
+    return planning.problem_of(target, goals, command)
 
 
 def _run_paths(about: Mapping[str, Any], problem: Problem, store: str) -> "RunPaths":
@@ -338,12 +339,9 @@ def _run_paths(about: Mapping[str, Any], problem: Problem, store: str) -> "RunPa
     from cellwright.engine.pipelines.execution.run_motions import (
         RunPaths,  # it needs numpy, and most runs no geometry
     )
-    from cellwright.engine.pipelines.motion.moving_plan import known_ways
-    from cellwright.engine.plugins import geometry_backend
-    from cellwright.kb.loader.cell import cell_of
 
-    cell = cell_of(str(about["target"]))
-    ways = known_ways(problem, cell, geometry_backend(), store)
+    cell = loader.cell_of(str(about["target"]))
+    ways = motion_room.known_ways(problem, cell, geometry_backend(), store)
     return RunPaths(problem, cell, int(about["seed"]), ways)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from functools import cache, lru_cache
 from pathlib import Path
 
+from cellwright.kb import loader
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 UNREAD_FOLDERS = ("problems", "golden")  # folders of a domain that no problem depends on
@@ -42,10 +43,8 @@ def program_digest() -> str:
 
 
 def _domain_folder(target: Path) -> Path | None:
-    from cellwright.kb.loader.domain_lookup import domain_of
-
     try:
-        return domain_of(str(target))
+        return loader.domain_of(str(target))
     except InvalidInput:  # whoever reads the file says what is wrong
         return None
 

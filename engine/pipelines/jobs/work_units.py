@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from cellwright.engine.kernels.cancellation import Interrupted
 from cellwright.kb import stopping
+from cellwright.kb import store as kb_store
 
 if TYPE_CHECKING:
     from cellwright.kb.store.macrop_library import LibraryDraft
@@ -122,9 +123,7 @@ def carry_out_unit(kind: WorkKind[J, R], unit: WorkUnit[J], interrupted: Interru
     ledger = kind.ledger
     if ledger is None or not ledger.finished(result) or (content := ledger.written(result)) is None:
         return result
-    from cellwright.kb.store.unit_ledger import UnitStore
-
-    with UnitStore(ledger.store, kind.name) as store:
+    with kb_store.UnitStore(ledger.store, kind.name) as store:
         if not isinstance(made_result, DraftedResult):
             store.keep(unit.name, unit.key, content)
         elif store.settle(
@@ -140,15 +139,11 @@ def carry_out_unit(kind: WorkKind[J, R], unit: WorkUnit[J], interrupted: Interru
 def _noted_results(kind: WorkKind[J, R], units: Sequence[WorkUnit[J]]) -> dict[str, R]:
     if kind.ledger is None or not units:
         return {}
-    from cellwright.kb.store.unit_ledger import UnitStore
-
-    with UnitStore(kind.ledger.store, kind.name) as store:
+    with kb_store.UnitStore(kind.ledger.store, kind.name) as store:
         finished = store.finished({unit.name: unit.key for unit in units})
     return {name: kind.ledger.read(content) for name, content in finished.items()}
 
 
 def _forget_units(kind: WorkKind[J, R], ledger: ResultLedger, units: Sequence[WorkUnit[J]]) -> None:
-    from cellwright.kb.store.unit_ledger import UnitStore
-
-    with UnitStore(ledger.store, kind.name) as store:
+    with kb_store.UnitStore(ledger.store, kind.name) as store:
         store.clear([unit.name for unit in units])

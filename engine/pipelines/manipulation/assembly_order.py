@@ -32,6 +32,7 @@ from cellwright.engine.pipelines.manipulation.scene_camera import SceneView, loo
 from cellwright.engine.pipelines.manipulation.workspace import AssemblySite
 from cellwright.engine.pipelines.planning.checked_plan import plan_and_ground
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.kb import loader
 from cellwright.kb.model.cell_model import BodyKind
 from cellwright.kb.model.domain_model import Domain
 from cellwright.kb.model.part_scene import Scene
@@ -155,8 +156,6 @@ def problem_with(
 
     A part without a spot is lost, and need not be brought anywhere.
     """
-    from cellwright.kb.loader import with_goals
-
     names = {f"obstacle_{n}": obstacle for n, obstacle in enumerate(obstacles, 1)}
     objects = {**dict.fromkeys(parts, "part"), **dict.fromkeys(names, "obstacle")}
     statics = [fact for name, obstacle in names.items() for fact in _obstacle_facts(name, obstacle)]
@@ -166,7 +165,7 @@ def problem_with(
     problem = problem.replace(
         (*(_ground_atom("at", part, spot) for part, spot in sorted(spots.items())), *seen)
     )
-    return with_goals(domain, goals, problem)
+    return loader.with_goals(domain, goals, problem)
 
 
 def _obstacle_facts(name: str, obstacle: MoveObstacle) -> Iterator[Atom]:

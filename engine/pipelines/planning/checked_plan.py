@@ -23,6 +23,7 @@ from cellwright.engine.stages.grounding.pruning import (
     preserves_optimality,
 )
 from cellwright.engine.stages.planning import NO_MACROS, Macros, SearchLimits, plan_task
+from cellwright.kb import loader
 from cellwright.kb.asp.excerpt import excerpt_problem
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.model.domain_model import Operator
@@ -43,7 +44,6 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
     Raises `InvalidInput`.
     """
     from cellwright.kb.commands import understand_command
-    from cellwright.kb.loader import problem_files, with_goals
 
     loaded_target = load_target(find_target(target))
     if goals and command:
@@ -58,11 +58,11 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
             ]
         )
     if goals:
-        return with_goals(loaded_target.domain, goals, loaded_target.problem)
+        return loader.with_goals(loaded_target.domain, goals, loaded_target.problem)
     if command:
         return understand_command(loaded_target.problem or loaded_target.domain, command)
     if loaded_target.problem is None:
-        problems = sorted(path.stem for path in problem_files(find_target(target)))
+        problems = sorted(path.stem for path in loader.problem_files(find_target(target)))
         ways = "give --goals or --command"
         hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
         raise InvalidInput(

@@ -3,7 +3,7 @@
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from cellwright.kb.store.lookup_counts import UNPAID, unpaid_kinds
+from cellwright.kb import store as kb_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,7 +38,12 @@ def plan_with_library(
         run, small = _planned_alone(problem, limits, objective_wanted, order)
         if small:
             return run, {
-                "source": {"origin": "planner", "macrop": None, "name": "", "reason": UNPAID}
+                "source": {
+                    "origin": "planner",
+                    "macrop": None,
+                    "name": "",
+                    "reason": kb_store.UNPAID,
+                }
             }
     with _in_use(store, problem, limits, stays) as practice:
         if order is plan_objective.SequenceChoice.SEQUENCE:
@@ -97,7 +102,7 @@ def _is_unpaid(store: str, problem: "Problem") -> bool:
     """
     from cellwright.engine.model.part_measurements import is_put_in_order
 
-    kinds = unpaid_kinds(store, problem.domain.name)
+    kinds = kb_store.unpaid_kinds(store, problem.domain.name)
     if not kinds or is_put_in_order(problem):
         return False
     from cellwright.engine.stages.grounding.grounding_program import ChangingPredicates
@@ -121,7 +126,9 @@ def _in_use(
             yield practice
         return
     from cellwright.engine.pipelines.planning.macros import LibraryPlanner
-    from cellwright.kb.store import Library
 
-    with Library(store, beside=True) as library, LibraryPlanner(library, limits) as practice:
+    with (
+        kb_store.Library(store, beside=True) as library,
+        LibraryPlanner(library, limits) as practice,
+    ):
         yield practice

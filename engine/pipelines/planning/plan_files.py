@@ -16,6 +16,7 @@ from cellwright.engine.model.time_limits import (
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.engine.stages.validation.plan_claims import claimed_starts, last_end
+from cellwright.kb import loader
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import File, is_there, read_file
@@ -85,12 +86,10 @@ def plan_in(file: Path) -> tuple[Problem, Plan]:
 
 def claimed_in(file: Path) -> tuple[Problem, Plan, Claims]:
     """`plan_in`, and what else the file claims."""
-    from cellwright.kb.loader.plan import load_claimed
-
     if not is_there(file) and _is_bundled(str(file)):
         hint = f"make a plan first: cellwright plan {file} -o plan.json"
         raise InvalidInput([Diagnostic(Source(str(file)), "K404", "this is no plan", hint)])
-    return load_claimed(file, generated_if_bare)
+    return loader.load_claimed(file, generated_if_bare)
 
 
 def _is_bundled(target: str) -> bool:

@@ -6,6 +6,7 @@ Nothing here needs a planner, so that commands which only look at a cell start q
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cellwright.kb import loader
 from cellwright.kb.targets import find_target
 from cellwright.kb.terms import Atom
 
@@ -19,9 +20,8 @@ def load_target(path: Path) -> "Loaded":
     Raises `InvalidInput`.
     """
     from cellwright.engine.pipelines.planning.plan_files import generated_if_bare
-    from cellwright.kb.loader import load
 
-    return load(path, generated_if_bare)
+    return loader.load(path, generated_if_bare)
 
 
 def initial_facts(target: str) -> frozenset[Atom]:
@@ -29,10 +29,8 @@ def initial_facts(target: str) -> frozenset[Atom]:
 
     Raises `InvalidInput`.
     """
-    from cellwright.kb.loader.domain_lookup import domain_of
-
     path = find_target(target)
-    if domain_of(target) == path:
+    if loader.domain_of(target) == path:
         return frozenset()
     from cellwright.engine.stages.validation.operator_semantics import Semantics
 

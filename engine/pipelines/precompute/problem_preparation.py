@@ -10,6 +10,7 @@ from typing import Any
 from cellwright.engine.kernels.cancellation import Interrupted
 from cellwright.engine.model.outcome import Found, GaveUp
 from cellwright.engine.model.part_measurements import chooses_tools, measurements_of
+from cellwright.engine.pipelines import motion, planning
 from cellwright.engine.pipelines.jobs import (
     DraftedResult,
     ResultLedger,
@@ -35,6 +36,7 @@ from cellwright.engine.pipelines.precompute.preparation_results import (
 )
 from cellwright.engine.stages.grounding.instance_bounds import bound_instances
 from cellwright.engine.stages.planning import SearchLimits
+from cellwright.kb import loader
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.cell_model import Cell
 from cellwright.kb.model.planning_problem import Problem
@@ -101,9 +103,7 @@ def cell_of_measurements(problem: Problem) -> Cell | None:
     path = Path(problem.domain.path).with_name(CELL_FILE)
     if not chooses_tools(problem.domain) or not problem.domain.path or not path.is_file():
         return None
-    from cellwright.kb.loader.cell import load_cell
-
-    cell = load_cell(path)
+    cell = loader.load_cell(path)
     return cell if cell.operations else None
 
 
@@ -127,7 +127,6 @@ def _pose_units(job: PreparationJob) -> Iterator[WorkUnit[PosesJob]]:
 
 def _find_unit(asked: PosesJob, interrupted: Interrupted) -> PosesFound:
     # geometry is slow to load
-    from cellwright.engine.pipelines.motion.measurement_poses import kept_poses
     from cellwright.engine.plugins import geometry_backend
 
     job = asked.job
@@ -138,7 +137,7 @@ def _find_unit(asked: PosesJob, interrupted: Interrupted) -> PosesFound:
         if problem is None or cell is None or interrupted():
             return PosesFound(why="the files have changed")
         return PosesFound(
-            kept_poses(job.store, problem, cell, geometry_backend(), asked.names).made
+            motion.kept_poses(job.store, problem, cell, geometry_backend(), asked.names).made
         )
     # who prepares the problem meets it again, and tells it
     except (InvalidInput, StoppedByCaller) as error:
@@ -238,10 +237,9 @@ def _update_poses(store: str, problem: Problem) -> KeptPoses | None:
     if cell is None:
         return None
     # geometry is slow to load
-    from cellwright.engine.pipelines.motion.measurement_poses import kept_poses
     from cellwright.engine.plugins import geometry_backend
 
-    kept = kept_poses(store, problem, cell, geometry_backend())
+    kept = motion.kept_poses(store, problem, cell, geometry_backend())
     reached = {pose.measurement for pose in kept.poses.values() if pose.reached}
     return KeptPoses(len(reached), kept.made, kept.kept, kept.unreached())
 
@@ -250,9 +248,7 @@ def _update_sequence(store: str, problem: Problem) -> KeptSequence:
     """Bring the kept sequence of a problem's measurements up to date in the store, and report
     on it.
     """
-    from cellwright.engine.pipelines.planning.decomposition.kept_sequences import carry_on
-
-    carried_on = carry_on(store, problem)
+    carried_on = planning.carry_on(store, problem)
     counts = {
         "reordered": len(carried_on.reordered),
         "moved": len(carried_on.moved),

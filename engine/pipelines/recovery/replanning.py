@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from cellwright.engine.model.outcome import Found, Outcome
 from cellwright.engine.model.part_measurements import is_put_in_order
 from cellwright.engine.model.troubleshooting import PreparationSteps, Revision
+from cellwright.engine.pipelines import planning
 from cellwright.engine.pipelines.inspection.tour_progress import KeptSequenceProgress
 from cellwright.engine.pipelines.planning.checked_plan import LARGE_INSTANCES
 from cellwright.engine.pipelines.planning.goal_selection import RelinquishedGoal
@@ -130,11 +131,7 @@ def plan_in_sequence(problem: Problem, limits: SearchLimits) -> Outcome | None:
     """
     if not is_put_in_order(problem):
         return None
-    from cellwright.engine.pipelines.planning.decomposition import (
-        by_sequence,  # slow to load, and only inspections need it
-    )
-
-    sequenced = by_sequence(problem, limits)
+    sequenced = planning.by_sequence(problem, limits)
     return sequenced.outcome if sequenced is not None else None
 
 
@@ -146,11 +143,9 @@ def with_kept_sequence(
     """
     if not change.lost and not change.regained:
         return recovery
-    from cellwright.engine.pipelines.planning.decomposition.kept_sequences import told_of_losses
-
     return replace(
         recovery,
-        sequence=told_of_losses(
+        sequence=planning.told_of_losses(
             store, problem.replace(recovery.problem.initial), change.lost, change.regained
         ),
     )

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from cellwright.engine.kernels.arrays import Floats, Truths
 from cellwright.engine.kernels.rigid import apply, transform
@@ -32,8 +33,6 @@ def stable_placements(
     solid: Solid, centre: Floats, steady_m: float = MIN_STEADY_M
 ) -> list[TablePlacement]:
     """All placements that a push by `steady_m` does not tip, the steadiest first."""
-    from scipy.spatial import ConvexHull
-
     hull = ConvexHull(np.unique(np.round(solid.vertices, 12), axis=0))
     placements_found: list[TablePlacement] = []
     normals: list[Floats] = []
@@ -60,8 +59,6 @@ def _support_margin(corners: Floats, normal: Floats, centre: Floats) -> float:
     """How far inside the hull of a facet's corners (n, 3) the centre of mass projects; negative
     outside.
     """
-    from scipy.spatial import ConvexHull
-
     R = _rotation_down(normal)
     flat = (corners @ R.T)[:, :2]
     outline = ConvexHull(flat)
@@ -155,8 +152,6 @@ def _supported_points(points: Floats, support: Solid, T: Floats) -> Floats:
 
 def _inside_margin(touching: Floats, centre: Floats) -> float:
     """How far a point (2,) is inside the hull of others (n, 2)."""
-    from scipy.spatial import ConvexHull
-
     spread = touching - touching.mean(axis=0) if len(touching) else touching
     if len(touching) < 3 or np.linalg.matrix_rank(spread, tol=SUPPORT_STEP_M) < 2:
         return UNCARRIED_MARGIN

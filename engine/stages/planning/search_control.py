@@ -2,15 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from random import Random
+from typing import NamedTuple
 
 from cellwright.engine.kernels.cancellation import Interrupted, never
 from cellwright.engine.model.ground_task import GroundOperator
 from cellwright.engine.model.outcome import NO_OFFER, MacroOffer
 from cellwright.kb.model.plan_model import Plan
-
-if TYPE_CHECKING:
-    from random import Random
 
 
 class OutOfRange(Exception):
@@ -175,6 +173,4 @@ def random_source(seed: int) -> "Random | None":
     """A source of chance; None for the seed 0, with which the order is kept."""
     if not seed:
         return None
-    from random import Random  # takes a millisecond to load, and most searches have no seed
-
     return Random(seed)

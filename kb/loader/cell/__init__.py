@@ -23,18 +23,11 @@ from cellwright.kb.loader.cell.placements import (
 from cellwright.kb.loader.cell.sensing import SensedNames, read_measuring, read_sensor
 from cellwright.kb.loader.device_uses import composed_beside
 from cellwright.kb.loader.domain_lookup import domain_of
-from cellwright.kb.loader.geometry_values import (
-    ANGLE,
-    LENGTH,
-    QuantityReader,
-    child_at,
-    mapping_members,
-)
+from cellwright.kb.loader.geometry_values import ANGLE, LENGTH, QuantityReader
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, mapping_members
 from cellwright.kb.model.body_shapes import Sphere
 from cellwright.kb.model.cell_model import (
-    WORLD_FRAME,
     ZONE_SPEED_M_S,
     Arm,
     Body,
@@ -47,6 +40,7 @@ from cellwright.kb.model.cell_model import (
     Sensor,
     Zone,
 )
+from cellwright.kb.model.domain_model import WORLD_FRAME
 from cellwright.kb.targets import CELL_FILE, DOMAIN_FILE
 
 

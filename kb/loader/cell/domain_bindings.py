@@ -5,15 +5,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from cellwright.kb.diagnostics import unknown_name
-from cellwright.kb.loader.geometry_values import (
-    ANGLE,
-    LENGTH,
-    QuantityReader,
-    child_at,
-    required_child,
-)
+from cellwright.kb.loader.geometry_values import ANGLE, LENGTH, QuantityReader
 from cellwright.kb.loader.reader import LoadFindings, Reader
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, required_child
 from cellwright.kb.model.cell_model import Body, Ends, JointKind, Location, Operation
 from cellwright.kb.syntax import SECONDS_PER_UNIT
 from cellwright.kb.terms import Function, Term, Variable, is_ground, term_variables

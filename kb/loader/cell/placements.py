@@ -4,20 +4,12 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from cellwright.kb.diagnostics import unknown_name
-from cellwright.kb.loader.geometry_values import (
-    ANGLE,
-    FACTOR,
-    LENGTH,
-    QuantityReader,
-    child_at,
-    required_child,
-)
+from cellwright.kb.loader.geometry_values import ANGLE, FACTOR, LENGTH, QuantityReader
 from cellwright.kb.loader.reader import LoadFindings, Reader
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, required_child
 from cellwright.kb.model.body_shapes import Vector
 from cellwright.kb.model.cell_model import (
     TOUCH_DEPTH_M,
-    WORLD_FRAME,
     Body,
     Guide,
     JointKind,
@@ -25,6 +17,7 @@ from cellwright.kb.model.cell_model import (
     Place,
     Placement,
 )
+from cellwright.kb.model.domain_model import WORLD_FRAME
 from cellwright.kb.terms import Function
 
 

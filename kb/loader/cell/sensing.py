@@ -5,16 +5,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from cellwright.kb.diagnostics import unknown_name
-from cellwright.kb.loader.geometry_values import (
-    ANGLE,
-    FACTOR,
-    LENGTH,
-    QuantityReader,
-    child_at,
-    mapping_members,
-    required_child,
-)
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.geometry_values import ANGLE, FACTOR, LENGTH, QuantityReader
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, mapping_members, required_child
 from cellwright.kb.model.cell_model import (
     Body,
     JointKind,

@@ -8,9 +8,8 @@ from typing import Any
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, nearest_hint
 from cellwright.kb.files import is_file, read_file
 from cellwright.kb.loader.device_uses.use_binding import DeviceUse, uses_of
-from cellwright.kb.loader.geometry_values import child_at
 from cellwright.kb.loader.reader import LoadFindings, Reader
-from cellwright.kb.loader.yaml_tree import YamlNode, read_tree
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, read_tree
 from cellwright.kb.targets import DEVICE_FILE
 
 UNION_LISTS = ("include",)  # lists of names that mean different things in different files

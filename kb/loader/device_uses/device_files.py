@@ -7,9 +7,8 @@ from pathlib import Path
 
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from cellwright.kb.files import File, read_file
-from cellwright.kb.loader.geometry_values import child_at, mapping_members
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
-from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, mapping_members
 from cellwright.kb.targets import (
     DEVICE_FILE,
     DEVICES_FOLDER,

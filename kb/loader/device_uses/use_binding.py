@@ -17,8 +17,7 @@ from cellwright.kb.loader.device_uses.device_files import (
     parameter_text,
     read_device,
 )
-from cellwright.kb.loader.geometry_values import child_at, mapping_members
-from cellwright.kb.loader.yaml_tree import YamlNode, read_tree
+from cellwright.kb.loader.yaml_tree import YamlNode, child_at, mapping_members, read_tree
 
 MAX_USES = 200
 USE_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")

@@ -1,12 +1,17 @@
 """Options that name a scene and its images, and how an execution by physics deviates from it."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Option
+from typer import Option
+
 from cellwright.engine.faces.cli.options import shared_options
+from cellwright.engine.pipelines import manipulation
+from cellwright.kb import loader
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from cellwright.kb.numbers import NumberError, read_decimal
 
@@ -42,17 +47,13 @@ Calibration = Annotated[
 
 def read_scene(scene: str, calibration: Path | None = None) -> "Scene":
     """The scene that is meant, its camera as it was calibrated. Raises `InvalidInput`."""
-    from dataclasses import replace
-
-    from cellwright.kb.loader.calibration_file import load_calibration
-    from cellwright.kb.loader.scene_file import load_scene
     from cellwright.kb.targets import find_scene
 
-    loaded_scene = load_scene(find_scene(scene))
+    loaded_scene = loader.load_scene(find_scene(scene))
     return (
         loaded_scene
         if calibration is None
-        else replace(loaded_scene, calibrated=load_calibration(calibration))
+        else replace(loaded_scene, calibrated=loader.load_calibration(calibration))
     )
 
 
@@ -69,10 +70,7 @@ def knock_of(text: str) -> "CameraErrors":
     """By how much the camera was knocked: X,Y,Z,A,B,C in mm and degrees, along and about its
     own axes. Raises `InvalidInput`.
     """
-    from cellwright.engine.pipelines.manipulation.camera_cell import errors_of
-    from cellwright.engine.pipelines.manipulation.camera_optics import CameraErrors
-
-    return errors_of({"moved": text}, 0) if text else CameraErrors()
+    return manipulation.errors_of({"moved": text}, 0) if text else manipulation.CameraErrors()
 
 
 def needs_mujoco(option: str) -> None:
@@ -88,18 +86,14 @@ def needs_mujoco(option: str) -> None:
 def _read_shifts(
     scene: "Scene", shifted: Sequence[str], removed: Sequence[str]
 ) -> "Iterator[PartShift]":
-    from math import radians
-
-    from cellwright.engine.pipelines.manipulation.assembly_execution import PartShift
-
     for text in shifted:
         part, _, numbers = text.partition("=")
         x, y, turn = _three_numbers(numbers, text)
-        yield PartShift(
+        yield manipulation.PartShift(
             _movable_part(scene, part, "--shift", fixed=True), (x / 1000, y / 1000), radians(turn)
         )
     for part in removed:
-        yield PartShift(_movable_part(scene, part, "--remove"), away=True)
+        yield manipulation.PartShift(_movable_part(scene, part, "--remove"), away=True)
 
 
 def _three_numbers(numbers: str, text: str) -> tuple[float, float, float]:

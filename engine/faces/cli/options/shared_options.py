@@ -5,8 +5,11 @@ from math import isnan
 from pathlib import Path
 from typing import Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.kb import store
 
 TARGET_SUFFIXES = (".yaml", ".yml", ".json", ".tsp", ".pddl")
 
@@ -72,11 +75,9 @@ def complete_devices(incomplete: str) -> list[str]:
 def complete_runs(incomplete: str) -> list[str]:
     """Runs of the user's own journal that begin like this, the last ones first."""
     from cellwright.kb.diagnostics import InvalidInput
-    from cellwright.kb.store.default_path import default_store
-    from cellwright.kb.store.journal import Journal
 
     try:
-        with Journal(default_store()) as journal:
+        with store.Journal(store.default_store()) as journal:
             names = [begun_run.run for begun_run in journal.begun()]
     except InvalidInput:
         return []

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cellwright.engine.faces.cli.option_declarations import refuse_idle
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
 
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.jobs import WorkCrew

@@ -14,7 +14,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
-from cellwright.engine.faces.cli.option_declarations import is_misfit
+import typer
+
 from cellwright.engine.faces.cli.process.exit_codes import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
 from cellwright.engine.faces.cli.process.process_limits import (
     WATCH_THREAD,
@@ -24,6 +25,8 @@ from cellwright.engine.faces.cli.process.process_limits import (
     lift_limit,
 )
 from cellwright.engine.faces.cli.process.progress_line import clear_progress
+from cellwright.engine.formats import report
+from cellwright.kb import store
 from cellwright.kb.stopping import StoppedByCaller
 
 if TYPE_CHECKING:
@@ -249,9 +252,9 @@ def _make_answer(make: Callable[[], VerbAnswer]) -> VerbAnswer:
         )
         file_diagnostic = Diagnostic(Source(str(error.filename or "a file")), "K415", message, hint)
         return VerbAnswer("bad input", code=BAD_INPUT, diagnostics=(file_diagnostic,))
+    except typer.BadParameter:  # an option that does not fit what the target holds
+        raise
     except Exception as error:
-        if is_misfit(error):  # an option that does not fit what the target holds
-            raise
         return _failure_answer(error)
 
 
@@ -293,10 +296,7 @@ def _library_damage() -> "tuple[Diagnostic, ...]":
     """
     if "cellwright.kb.store.database" not in sys.modules:
         return ()
-    from cellwright.kb.store.database import opened_so_far
-    from cellwright.kb.store.store_maintenance import store_damage
-
-    return store_damage(opened_so_far())
+    return store.store_damage(store.opened_so_far())
 
 
 def _stopped_answer(code: int) -> VerbAnswer:
@@ -339,9 +339,7 @@ def _answer_document(answer: VerbAnswer, form: AnswerForm) -> str | None:
     """The answer as data or as a picture; None if it is text."""
     if answer.raw is not None or form is AnswerForm.TEXT:
         return answer.raw
-    from cellwright.engine.formats.report import json_answers
-
-    return json_answers.json_envelope(answer.status, answer.content, answer.diagnostics) + "\n"
+    return report.json_envelope(answer.status, answer.content, answer.diagnostics) + "\n"
 
 
 def _print_and_save(answer: VerbAnswer, form: AnswerForm, output: Path) -> None:
@@ -380,11 +378,10 @@ def _report_problems(answer: VerbAnswer) -> None:
     if not answer.diagnostics and answer.code not in (INTERRUPTED, INTERNAL):
         return
     from cellwright.engine.faces.cli.output import terminal_console
-    from cellwright.engine.formats.report.diagnostic_messages import diagnostics_text
 
     console = terminal_console.make_console(stderr=True, soft_wrap=True)
     if answer.diagnostics:
-        console.print(diagnostics_text(answer.diagnostics))
+        console.print(report.diagnostics_text(answer.diagnostics))
     if answer.code == INTERRUPTED and answer.text is None:
         console.print("interrupted")
     if answer.code == INTERNAL:

@@ -7,7 +7,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, TypeVar
 
-from cellwright.engine.faces.cli.option_declarations import Option, make_misfit, refuse_idle
+from typer import Option
+
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 
 AnyForm = TypeVar("AnyForm", bound=StrEnum)
 

@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 
 from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED, LIMIT
+from cellwright.kb import stopping
 from cellwright.kb.stopping import StoppedByCaller
 
 THREADS = "OPENBLAS_NUM_THREADS"  # each of them reserves as much again
@@ -214,8 +215,6 @@ def watching_command(seconds: float | None, megabytes: int | None) -> Iterator[N
     own.
     """
     global _now
-    from cellwright.kb import stopping
-
     limit_memory(megabytes)
     _now = watch = CommandWatch(seconds, megabytes)
     if _alone:

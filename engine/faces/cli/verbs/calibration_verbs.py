@@ -4,11 +4,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option
 from cellwright.engine.faces.cli.options.scene_options import Calibration, SceneName, read_scene
 from cellwright.engine.faces.cli.options.shared_options import Format, Seed
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import manipulation
+from cellwright.kb import loader
 
 if TYPE_CHECKING:
     from cellwright.kb.model.part_scene import Scene
@@ -47,22 +51,18 @@ def range_finder(
 def _calibrate_range(
     scene: str, readings: Path | None, seed: int, keep: Path | None, calibration: Path | None
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.interop.calibration_files import read_plates
-    from cellwright.engine.formats.report.cells import calibration_report as report
-    from cellwright.engine.pipelines.manipulation import camera_calibration
-
     read, hidden = read_scene(scene, calibration), None
     if readings is not None:
-        images, distances = read_plates(readings, read)
+        images, distances = interop.read_plates(readings, read)
     else:
-        images, distances, hidden = camera_calibration.plate_images(read, seed)
-    range_calibration = camera_calibration.calibrate_range(read, images, distances)
+        images, distances, hidden = manipulation.plate_images(read, seed)
+    range_calibration = manipulation.calibrate_range(read, images, distances)
     text = report.range_text(range_calibration, hidden) + _keep_calibration(
-        keep, camera_calibration.with_range(read, range_calibration)
+        keep, manipulation.with_range(read, range_calibration)
     )
-    return VerbAnswer("found", report.range_content(range_calibration), lambda: Text(text))
+    return VerbAnswer(
+        "found", report.range_content(range_calibration), lambda: rich_parts.Text(text)
+    )
 
 
 @app.command()
@@ -96,35 +96,29 @@ def _calibrate_camera(
     seed: int,
     files: tuple[Path | None, Path | None],
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.interop.calibration_files import read_held
-    from cellwright.engine.formats.report.cells import calibration_report as report
-    from cellwright.engine.pipelines.manipulation import camera_calibration
-    from cellwright.engine.pipelines.manipulation.scene_camera import camera_pose
     from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 
     keep, calibration = files
     read, hidden = read_scene(scene, calibration), None
     if readings is not None:
-        held_images = read_held(readings, read)
+        held_images = interop.read_held(readings, read)
     else:
-        held_images, hidden = camera_calibration.made_readings(read, target, number, seed)
-    camera_calibration_entry = camera_calibration.calibrate_camera(read, target, held_images)
+        held_images, hidden = manipulation.made_readings(read, target, number, seed)
+    camera_calibration_entry = manipulation.calibrate_camera(read, target, held_images)
     text = report.camera_text(
-        camera_calibration_entry, camera_pose(read, GeometricWorld.of(read.cell)), hidden
+        camera_calibration_entry,
+        manipulation.camera_pose(read, GeometricWorld.of(read.cell)),
+        hidden,
     )
-    text += _keep_calibration(
-        keep, camera_calibration.scene_with_camera(read, camera_calibration_entry)
+    text += _keep_calibration(keep, manipulation.scene_with_camera(read, camera_calibration_entry))
+    return VerbAnswer(
+        "found", report.camera_content(camera_calibration_entry), lambda: rich_parts.Text(text)
     )
-    return VerbAnswer("found", report.camera_content(camera_calibration_entry), lambda: Text(text))
 
 
 def _keep_calibration(keep: Path | None, scene: "Scene") -> str:
     """Keep what was found, if that is asked for; the line that says so."""
-    from cellwright.kb.loader.calibration_file import calibration_text
-
     if keep is None or scene.calibrated is None:
         return ""
-    keep.write_text(calibration_text(scene.calibrated), "utf-8")
+    keep.write_text(loader.calibration_text(scene.calibrated), "utf-8")
     return f"\nkept in {keep}"

@@ -1,14 +1,21 @@
 """The verbs `cell`: pictures of the geometry of a cell."""
 
 from enum import StrEnum
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
-from cellwright.engine.faces.cli.option_declarations import Option, refuse_idle
 from cellwright.engine.faces.cli.options.shared_options import Target, number_option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import planning
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb import loader
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, escape_controls
 
 if TYPE_CHECKING:
     from cellwright.engine.stages.geometry.pictures.cell_view import CellView
@@ -104,35 +111,27 @@ def _show_cell(
     output: Path | None,
     seen: tuple[float, float],
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.pipelines.planning.target_files import initial_facts
-    from cellwright.engine.plugins import geometry_backend
     from cellwright.engine.stages.geometry.pictures import cell_view
-    from cellwright.kb.diagnostics import escape_controls
-    from cellwright.kb.loader.cell import cell_of
 
-    facts = initial_facts(target)
+    facts = planning.initial_facts(target)
     shown = cell_view.cell_view_of(
-        cell_of(target), geometry_backend(), configurations, place, facts
+        loader.cell_of(target), geometry_backend(), configurations, place, facts
     )
     content, shown_text = cell_view.view_content(shown), cell_view.view_text(shown)
     drawn = _draw_cell(shown, kind, seen)
     if drawn is None:
-        return VerbAnswer("ok", content, lambda: Text(shown_text))
+        return VerbAnswer("ok", content, lambda: rich_parts.Text(shown_text))
     if output is None:
         return VerbAnswer("ok", raw=_as_text(drawn))
     output.write_bytes(
         drawn if isinstance(drawn, bytes) else escape_controls(drawn).encode("utf-8")
     )
-    return VerbAnswer("ok", content, lambda: Text(f"{shown_text}\n{output}"))
+    return VerbAnswer("ok", content, lambda: rich_parts.Text(f"{shown_text}\n{output}"))
 
 
 def _draw_cell(
     shown: "CellView", kind: PictureForm, seen: tuple[float, float]
 ) -> str | bytes | None:
-    from math import radians
-
     from cellwright.engine.stages.geometry.pictures import cell_view
 
     azimuth, elevation = map(radians, seen)
@@ -149,8 +148,6 @@ def _draw_cell(
 
 def _as_text(drawn: str | bytes) -> str:
     """A picture for standard output. Raises `InvalidInput` for a picture that is not text."""
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
     if isinstance(drawn, bytes):
         hint = "give --output FILE, or --format svg"
         raise InvalidInput([Diagnostic(Source("--format"), "K403", "a PNG is not text", hint)])

@@ -4,10 +4,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option
 from cellwright.engine.faces.cli.options.shared_options import Format
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.formats import report
+from cellwright.kb import loader
 
 Beside = Annotated[
     Path,
@@ -43,20 +45,14 @@ def show(
 
 
 def _list_devices(beside: Path) -> VerbAnswer:
-    from cellwright.engine.formats.report.cells.device_report import device_entry, device_table
-    from cellwright.kb.loader.device_uses import all_devices
-
-    known_devices = all_devices(beside)
+    known_devices = loader.all_devices(beside)
     return VerbAnswer(
         "ok",
-        {"devices": [device_entry(device) for device in known_devices]},
-        lambda: device_table(known_devices),
+        {"devices": [report.device_entry(device) for device in known_devices]},
+        lambda: report.device_table(known_devices),
     )
 
 
 def _show_device(name: str, beside: Path) -> VerbAnswer:
-    from cellwright.engine.formats.report.cells.device_report import device_entry, device_page
-    from cellwright.kb.loader.device_uses import device_called
-
-    device = device_called(name, beside)
-    return VerbAnswer("ok", device_entry(device), lambda: device_page(device))
+    device = loader.device_called(name, beside)
+    return VerbAnswer("ok", report.device_entry(device), lambda: report.device_page(device))

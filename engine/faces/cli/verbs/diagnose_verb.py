@@ -1,30 +1,38 @@
 """The verb `diagnose`: the cause of an exception by the cheapest tests, and closed cases."""
 
+import sys
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cellwright.engine.faces.cli.option_declarations import Option, make_misfit, refuse_idle
+from typer import Option
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Seed,
     Target,
     TimeLimit,
     number_option,
 )
+from cellwright.engine.faces.cli.output import terminal_console
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INTERRUPTED
+from cellwright.engine.faces.cli.process.progress_line import hushing_progress
+from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
+from cellwright.engine.formats import report
+from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.model.answer_wording import count_noun
+from cellwright.kb import store as kb_store
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.numbers import is_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.model.troubleshooting import Action, CaseAdvice, CaseDiagnosis
     from cellwright.engine.pipelines.recovery.diagnosis_case import DiagnosisCase
     from cellwright.engine.stages.diagnosis.case_session import Answerer, CaseSession
-    from cellwright.kb.diagnostics import Diagnostic
     from cellwright.kb.store.case_store import Cases
 
 
@@ -252,7 +260,6 @@ def _refuse_idle(asked: DiagnosisRequest, manner: DiagnosisManner) -> None:
 
 
 def _diagnose_target(asked: DiagnosisRequest, manner: DiagnosisManner) -> VerbAnswer:
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.pipelines.recovery.case_input import FailedPlan, ObservedFacts
     from cellwright.engine.pipelines.recovery.diagnosis_case import open_diagnosis_case
 
@@ -286,8 +293,6 @@ def _case_answer(
 
 
 def _tree_answer(found: "DiagnosisCase", picture: bool) -> VerbAnswer:
-    from cellwright.engine.formats.report.runs import diagnosis_report as report
-    from cellwright.engine.formats.report.runs.diagnosis_report import decision_tree_svg
     from cellwright.engine.model.troubleshooting import expected_cost
 
     selector, problem = found.session.selector, found.session.case.problem
@@ -298,7 +303,7 @@ def _tree_answer(found: "DiagnosisCase", picture: bool) -> VerbAnswer:
         "bound": round(advice.bound, 6),
         "tree": report.tree_entry(problem, whole_tree),
     }
-    raw = decision_tree_svg(problem, whole_tree, cost) if picture else None
+    raw = report.decision_tree_svg(problem, whole_tree, cost) if picture else None
     status = "optimal" if advice.optimal else "found"
     return VerbAnswer(
         status,
@@ -310,11 +315,6 @@ def _tree_answer(found: "DiagnosisCase", picture: bool) -> VerbAnswer:
 
 def _explain_advice(session: "CaseSession") -> VerbAnswer:
     """The best first action, and the expected costs with each other action first."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.runs import diagnosis_report as report
-
     problem, advice = session.case.problem, session.advice()
     compared = _compare_actions(session, advice)
     content = report.advice_entry(problem, advice) | {
@@ -324,7 +324,7 @@ def _explain_advice(session: "CaseSession") -> VerbAnswer:
     }
     believed = report.belief_table([(str(h), p) for h, p in session.belief()])
     table = report.advice_reasons(problem, advice, compared)
-    return VerbAnswer("ok", content, lambda: Group(believed, Text(""), table))
+    return VerbAnswer("ok", content, lambda: rich_parts.Group(believed, rich_parts.Text(""), table))
 
 
 def _compare_actions(
@@ -353,10 +353,6 @@ def _choose_answerer(
 
 
 def _work_case(found: "DiagnosisCase", answer: "Answerer", recover: bool, store: str) -> VerbAnswer:
-    from rich.console import Group
-
-    from cellwright.engine.formats.report.runs import diagnosis_report as report
-    from cellwright.engine.formats.report.runs import recovery_report
     from cellwright.engine.pipelines.recovery.case_input import seen_before
     from cellwright.engine.stages.diagnosis.case_session import run_session
 
@@ -367,12 +363,12 @@ def _work_case(found: "DiagnosisCase", answer: "Answerer", recover: bool, store:
     content: dict[str, Any] = report.case_entry(diagnosis, certain, change)
     shown = [report.case_text(found.model, diagnosis, certain, change)]
     if went_on is not None:
-        content["recovery"] = recovery_report.recovery_entry(went_on)
-        shown.append(recovery_report.recovery_text(went_on))
+        content["recovery"] = report.recovery_entry(went_on)
+        shown.append(report.recovery_text(went_on))
     return VerbAnswer(
         _case_status(diagnosis),
         content,
-        lambda: Group(*shown),
+        lambda: rich_parts.Group(*shown),
         0 if diagnosis.finished else GAVE_UP,
         lost,
     )
@@ -387,10 +383,6 @@ def ask_at_terminal(found: "DiagnosisCase", interrupted: "SearchInterruption") -
 
     An empty line, Ctrl-C or the end of the input ends the case.
     """
-    from cellwright.engine.faces.cli.output import terminal_console
-    from cellwright.engine.faces.cli.process.progress_line import hushing_progress
-    from cellwright.engine.formats.report.runs import diagnosis_report as report
-
     console = terminal_console.make_console(stderr=True)
 
     def ask(action: "Action", advice: "CaseAdvice") -> str | None:
@@ -433,8 +425,6 @@ def _typed_line(interrupted: "SearchInterruption") -> str:
     """What is typed in a line, without spaces around it; nothing at Ctrl-C and at the end of
     the input.
     """
-    import sys
-
     try:
         with interrupted.while_waiting():
             return sys.stdin.readline().strip()
@@ -451,15 +441,13 @@ def manage_closed_cases(
     """
     from cellwright.engine.pipelines.recovery.case_input import import_counts
     from cellwright.engine.pipelines.recovery.diagnosis_case import fault_model
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-    from cellwright.kb.store.case_store import Cases
 
     if not store:
         raise InvalidInput(
             [Diagnostic(Source("--store"), "K409", "no store is given", "give --store FILE")]
         )
     model = fault_model(target)
-    with Cases(store) as cases:
+    with kb_store.Cases(store) as cases:
         done_lines = []
         if reset:
             done_lines.append(f"{cases.reset(model.domain)} cases forgotten")
@@ -479,10 +467,6 @@ def lost_case(
     """Keep a closed case, if there is a store; warnings if that fails, because the answer
     matters more.
     """
-    from dataclasses import replace
-
-    from cellwright.kb.diagnostics import InvalidInput
-
     try:
         if store:
             found.keep(made, store)
@@ -492,29 +476,23 @@ def lost_case(
 
 
 def _case_history(domain: str, cases: "Cases", said: list[str], listed: bool) -> VerbAnswer:
-    from rich.console import Group
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.runs.diagnosis_report import cost_text
-    from cellwright.engine.formats.report.text_tables import TextTable
-
     history_entries = cases.history(domain)
     rows = [
         (
             e.exception,
             " and ".join(e.causes),
-            cost_text(e.weight),
-            cost_text(e.cost),
+            report.cost_text(e.weight),
+            report.cost_text(e.cost),
             str(len(e.observations)),
         )
         for e in history_entries
     ]
-    table = TextTable(("exception", "cause", "counts for", "cost", "tests"), rows)
+    table = report.TextTable(("exception", "cause", "counts for", "cost", "tests"), rows)
     content = {
         "cases": [
             {"exception": e.exception, "causes": list(e.causes), "weight": e.weight, "cost": e.cost}
             for e in history_entries
         ]
     }
-    parts: list[Any] = [*map(Text, said), *([table] if listed else [])]
-    return VerbAnswer("ok", content, lambda: Group(*parts))
+    parts: list[Any] = [*map(rich_parts.Text, said), *([table] if listed else [])]
+    return VerbAnswer("ok", content, lambda: rich_parts.Group(*parts))

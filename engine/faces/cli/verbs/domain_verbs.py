@@ -1,18 +1,24 @@
 """The verbs for files of a domain: `check`, `schema`, `format`, `init` and `test`."""
 
+import json
 import os
 from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import Format, Target
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import BAD_INPUT, FINDINGS, INTERRUPTED
 from cellwright.engine.faces.cli.process.process_limits import current_watch
 from cellwright.engine.faces.cli.process.progress_line import tell_progress
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.engine.formats import report as reports
+from cellwright.engine.formats.report import rich_parts
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, select_errors
 from cellwright.kb.stopping import StoppedByCaller
 
 if TYPE_CHECKING:
@@ -35,22 +41,22 @@ def check_target(
 
 
 def _check_target(target: str, reach: bool) -> VerbAnswer:
-    from rich.text import Text
-
     from cellwright.engine.authoring import domain_check
-    from cellwright.engine.formats.report.diagnostic_messages import diagnostics_summary
-    from cellwright.kb.diagnostics import select_errors
 
     report = domain_check.check_domain_files(target, reach)
     check_findings = report.diagnostics
     code = BAD_INPUT if select_errors(check_findings) else FINDINGS if check_findings else 0
     summary_line = (
-        f"{diagnostics_summary(check_findings)} in {len(report.checked)} "
+        f"{reports.diagnostics_summary(check_findings)} in {len(report.checked)} "
         f"file{'' if len(report.checked) == 1 else 's'}"
     )
     status = "errors" if code == BAD_INPUT else "warnings" if check_findings else "ok"
     return VerbAnswer(
-        status, {"checked": list(report.checked)}, lambda: Text(summary_line), code, check_findings
+        status,
+        {"checked": list(report.checked)},
+        lambda: rich_parts.Text(summary_line),
+        code,
+        check_findings,
     )
 
 
@@ -75,8 +81,6 @@ def print_schema(kind: Annotated[SchemaKind, Argument(help="the kind of file")])
 
 
 def _schema_answer(kind: SchemaKind) -> VerbAnswer:
-    import json
-
     from cellwright.kb.schema import json_schema
 
     return VerbAnswer("ok", raw=json.dumps(json_schema(kind.value), indent=1) + "\n")
@@ -104,8 +108,6 @@ def format_domain_files(
 
 
 def _format_files(files: list[Path], check: bool) -> VerbAnswer:
-    from rich.text import Text
-
     from cellwright.engine.authoring.layout import arrange_files
 
     arranged_files = arrange_files(files, write=not check)
@@ -126,7 +128,7 @@ def _format_files(files: list[Path], check: bool) -> VerbAnswer:
     content = {"changed": list(arranged_files.changed), "files": arranged_files.looked_at}
     status = "bad input" if code == BAD_INPUT else "changes" if arranged_files.changed else "ok"
     return VerbAnswer(
-        status, content, lambda: Text("\n".join(lines)), code, arranged_files.findings
+        status, content, lambda: rich_parts.Text("\n".join(lines)), code, arranged_files.findings
     )
 
 
@@ -178,11 +180,11 @@ def _assemble_domain(folder: Path, devices: list[str]) -> VerbAnswer:
 
 
 def _init_answer(files: Iterable[str], verbs: Iterable[str]) -> VerbAnswer:
-    from rich.text import Text
-
     written = list(files)
     advice = ["try", *(f"  cellwright {verb}" for verb in verbs)]
-    return VerbAnswer("ok", {"written": written}, lambda: Text("\n".join([*written, *advice])))
+    return VerbAnswer(
+        "ok", {"written": written}, lambda: rich_parts.Text("\n".join([*written, *advice]))
+    )
 
 
 def golden_plans(
@@ -196,7 +198,6 @@ def golden_plans(
 
 def _test_golden_plans(target: str, update: bool) -> VerbAnswer:
     from cellwright.engine.authoring.testing import golden_files
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if update and os.environ.get("CI"):
         hint = "run it on your machine, read the differences, and commit the golden files"
@@ -261,9 +262,7 @@ _COLOURS = {"+": "green", "-": "red", "@": "cyan"}
 
 
 def _golden_text(compared: "list[GoldenComparison]", updated: bool) -> "RenderableType":
-    from rich.text import Text
-
-    text = Text()
+    text = rich_parts.Text()
     for comparison in compared:
         meaning_text = f": {', '.join(comparison.meaning)}" if comparison.meaning else ""
         text.append(

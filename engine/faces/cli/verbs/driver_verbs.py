@@ -3,17 +3,22 @@
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
-from cellwright.engine.faces.cli.option_declarations import Option, make_misfit
 from cellwright.engine.faces.cli.options.shared_options import Format, Seed, Target
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
 from cellwright.engine.faces.cli.verbs.run_verbs import Factor, Faults, Options, options_of
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.model.run_protocol import CommandKind, DriverCommand
+from cellwright.engine.pipelines import execution, planning
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.numbers import is_count
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from cellwright.engine.model.run_protocol import DriverCommand
     from cellwright.engine.pipelines.execution.controllers.conformance import CheckedPoint
     from cellwright.kb.model.planning_problem import Problem
 
@@ -32,12 +37,10 @@ def list_drivers(format: Format = AnswerForm.TEXT) -> None:
 
 
 def _list_drivers() -> VerbAnswer:
-    from rich.text import Text
-
     from cellwright.engine import plugins
 
     names = plugins.registered_names(plugins.DRIVER_GROUP)
-    return VerbAnswer("ok", {"drivers": names}, lambda: Text("\n".join(names)))
+    return VerbAnswer("ok", {"drivers": names}, lambda: rich_parts.Text("\n".join(names)))
 
 
 @app.command()
@@ -53,14 +56,11 @@ def check(
 
 
 def _check_driver(target: str, options: list[str], seed: int) -> VerbAnswer:
-    from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
-    from cellwright.engine.pipelines.execution.controllers import conformance
-    from cellwright.engine.pipelines.planning import checked_plan
     from cellwright.engine.ports import DriverSetup
 
-    problem = checked_plan.problem_of(target)
+    problem = planning.problem_of(target)
     setup = DriverSetup(problem, "conformance", seed, options=options_of(options))
-    checked_points = conformance.check_conformance(setup, _plan_commands(problem))
+    checked_points = execution.check_conformance(setup, _plan_commands(problem))
     wrong = [checked_point for checked_point in checked_points if checked_point.wrong]
     content = {
         "points": [
@@ -78,12 +78,8 @@ def _check_driver(target: str, options: list[str], seed: int) -> VerbAnswer:
 
 def _plan_commands(problem: "Problem") -> "list[DriverCommand]":
     """The commands of a plan, in its order."""
-    from cellwright.engine.model.run_protocol import CommandKind, DriverCommand
-    from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, first_plan
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
-    ready = first_plan(problem)
-    if not isinstance(ready, ReadyPlan):
+    ready = execution.first_plan(problem)
+    if not isinstance(ready, execution.ReadyPlan):
         raise InvalidInput(
             [Diagnostic(Source(problem.path), "K404", "there is no plan", "give another problem")]
         )
@@ -105,8 +101,6 @@ def _plan_commands(problem: "Problem") -> "list[DriverCommand]":
 
 
 def _conformance_text(found: "list[CheckedPoint]") -> "RenderableType":
-    from rich.text import Text
-
     lines = [
         f"{'no ' if checked_point.wrong else 'yes'}  {checked_point.point}"
         + (f": {checked_point.wrong}" if checked_point.wrong else "")
@@ -114,7 +108,7 @@ def _conformance_text(found: "list[CheckedPoint]") -> "RenderableType":
     ]
     wrong = sum(bool(checked_point.wrong) for checked_point in found)
     lines.append(f"{len(found) - wrong} of {len(found)} points are as the protocol says")
-    return Text("\n".join(lines))
+    return rich_parts.Text("\n".join(lines))
 
 
 @app.command()
@@ -130,8 +124,6 @@ def serve(
     seed: Seed = 0,
 ) -> None:
     """Serve a simulated cell for TARGET as a controller: the reference for those who write one."""
-    from cellwright.engine.pipelines.execution.controllers import reference_controller
-    from cellwright.engine.pipelines.planning import checked_plan
     from cellwright.engine.ports import DriverSetup
 
     host, _, port = listen.rpartition(":")
@@ -140,8 +132,8 @@ def serve(
     driver_options = options_of(option or []) | ({"fault": "; ".join(fault)} if fault else {})
 
     def make() -> VerbAnswer:
-        setup = DriverSetup(checked_plan.problem_of(target), "", seed, factor, driver_options)
-        reference_controller.serve_controller(setup, host, int(port or 0))
+        setup = DriverSetup(planning.problem_of(target), "", seed, factor, driver_options)
+        execution.serve_controller(setup, host, int(port or 0))
         return VerbAnswer("ok")
 
     give_answer(make, AnswerForm.TEXT)

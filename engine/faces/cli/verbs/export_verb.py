@@ -4,9 +4,16 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, refuse_idle
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.shared_options import Command, Format, Goals, Ground
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
+from cellwright.engine.formats import interop
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import planning
+from cellwright.kb.diagnostics import escape_controls
 
 
 class Language(StrEnum):
@@ -62,50 +69,34 @@ def export_target(
 
 
 def _behaviour_tree(file: Path, output: Path | None) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
-    from cellwright.engine.formats.interop import behaviour_trees
-    from cellwright.engine.pipelines.planning import checked_plan
-    from cellwright.kb.diagnostics import escape_controls
-
-    problem, plan = checked_plan.plan_in(file)
-    if plan_diagnostics := checked_plan.check_plan(problem, plan, str(file)):
+    problem, plan = planning.plan_in(file)
+    if plan_diagnostics := planning.check_plan(problem, plan, str(file)):
         return VerbAnswer("invalid", code=FINDINGS, diagnostics=tuple(plan_diagnostics))
-    tree = behaviour_trees.write_behaviour_tree(problem.domain, plan)
+    tree = interop.write_behaviour_tree(problem.domain, plan)
     if output is None:
         return VerbAnswer("ok", raw=tree)
     output.write_text(escape_controls(tree), "utf-8")
     return VerbAnswer(
-        "ok", {"file": str(output), "steps": len(plan.steps)}, lambda: Text(str(output))
+        "ok", {"file": str(output), "steps": len(plan.steps)}, lambda: rich_parts.Text(str(output))
     )
 
 
 def _export_qif(target: str, output: Path | None) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.interop.inspection_files import as_qif
-    from cellwright.engine.pipelines.planning import checked_plan
-    from cellwright.kb.diagnostics import escape_controls
-
-    text, count, told = as_qif(checked_plan.problem_of(target))
+    text, count, told = interop.as_qif(planning.problem_of(target))
     if output is None:
         return VerbAnswer("ok", raw=text, diagnostics=told)
     output.write_text(escape_controls(text), "utf-8")
     content = {"file": str(output), "points": count, "left_out": len(told)}
-    return VerbAnswer("ok", content, lambda: Text(f"{output}: {count} points"), diagnostics=told)
+    return VerbAnswer(
+        "ok", content, lambda: rich_parts.Text(f"{output}: {count} points"), diagnostics=told
+    )
 
 
 def _export_pddl(target: str, goals: str, command: str, ground: bool, output: Path) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.interop.pddl import export as pddl
-    from cellwright.engine.pipelines.planning import checked_plan
-
-    exported = pddl.export_problem(
-        checked_plan.problem_of(target, goals, command), lifted=not ground
+    exported = interop.export_problem(
+        planning.problem_of(target, goals, command), lifted=not ground
     )
-    domain, problem = pddl.write_pddl_files(exported, output)
+    domain, problem = interop.write_pddl_files(exported, output)
     content = {
         "domain": str(domain),
         "problem": str(problem),
@@ -118,4 +109,4 @@ def _export_pddl(target: str, goals: str, command: str, ground: bool, output: Pa
             "\nwritten without variables, because the form with variables does not cover "
             f"{exported.why_ground}"
         )
-    return VerbAnswer("ok", content, lambda: Text(pddl_text))
+    return VerbAnswer("ok", content, lambda: rich_parts.Text(pddl_text))

@@ -5,18 +5,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
 from cellwright.engine.faces.cli.options.scene_options import (
     Calibration,
     Image,
     SceneName,
+    knock_of,
     read_scene,
+    shifts_of,
 )
 from cellwright.engine.faces.cli.options.shared_options import Format, Seed, number_option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
-from cellwright.engine.faces.cli.process.exit_codes import FINDINGS, GAVE_UP, INFEASIBLE
+from cellwright.engine.faces.cli.process.exit_codes import FINDINGS, GAVE_UP, INFEASIBLE, STOPPED
 from cellwright.engine.faces.cli.verbs.calibration_verbs import app as calibration
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import manipulation
+from cellwright.kb import loader
+from cellwright.kb.targets import find_scene
 
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.manipulation.assembly_execution import PartShift
@@ -93,30 +101,27 @@ def _assemble_scene(
     seed: int,
     done: tuple[tuple[list[str], list[str]], str] | None,
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.faces.cli.options.scene_options import knock_of, shifts_of
-    from cellwright.engine.formats.interop.depth_files import read_depth
-    from cellwright.engine.formats.report.cells import assembly_report as report
-    from cellwright.engine.pipelines.manipulation import assembly_order, scene_camera
-    from cellwright.engine.pipelines.manipulation.camera_optics import CameraOptics
     from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
-    from cellwright.kb.loader import load_domain
 
-    depth_image = read_depth(image, scene_camera.camera_of(read)) if image else None
-    domain, shifts = load_domain("handey"), shifts_of(read, *done[0]) if done is not None else None
+    depth_image = interop.read_depth(image, manipulation.camera_of(read)) if image else None
+    domain, shifts = (
+        loader.load_domain("handey"),
+        shifts_of(read, *done[0]) if done is not None else None,
+    )
     knock = knock_of(done[1] if done is not None else "")
     if done is not None and done[1]:
-        depth_image = CameraOptics.of(read, knock).image(GeometricWorld.of(read.cell), seed)
-    assembly, _ = assembly_order.assemble_scene(read, domain, base, seed, depth_image)
+        depth_image = manipulation.CameraOptics.of(read, knock).image(
+            GeometricWorld.of(read.cell), seed
+        )
+    assembly, _ = manipulation.assemble_scene(read, domain, base, seed, depth_image)
     answer_text = report.assembly_text(assembly, base)
     status = report.assembly_status(assembly)
-    if shifts is not None and isinstance(assembly, assembly_order.Built):
+    if shifts is not None and isinstance(assembly, manipulation.Built):
         return _execute_assembly(assembly, domain, (shifts, knock), answer_text, seed)
     return VerbAnswer(
         status,
         report.assembly_content(assembly),
-        lambda: Text(answer_text),
+        lambda: rich_parts.Text(answer_text),
         HANDEY_EXIT_CODES[status],
     )
 
@@ -128,21 +133,14 @@ def _execute_assembly(
     said: str,
     seed: int,
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.faces.cli.process.exit_codes import STOPPED
-    from cellwright.engine.formats.report.cells import assembly_report as planned
-    from cellwright.engine.formats.report.cells import physics_report as report
-    from cellwright.engine.pipelines.manipulation.assembly_execution import execute_assembly
-
-    done = execute_assembly(made, domain, changes[0], seed, knock=changes[1])
+    done = manipulation.execute_assembly(made, domain, changes[0], seed, knock=changes[1])
     outcome = done.runs[-1].outcome
-    content = {**planned.assembly_content(made), "execution": report.physics_content(done)}
+    content = {**report.assembly_content(made), "execution": report.physics_content(done)}
     text = f"{said}\n{report.physics_text(done)}"
     return VerbAnswer(
         outcome,
         content,
-        lambda: Text(text),
+        lambda: rich_parts.Text(text),
         {"reached": 0, "partly": FINDINGS}.get(outcome, STOPPED),
     )
 
@@ -176,21 +174,16 @@ def align(
 def _align_features(
     first: str, kind: str, second: str, by: float, scene: str, image: Path | None, seed: int
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.interop.depth_files import read_depth
-    from cellwright.engine.formats.report.cells import assembly_report as report
-    from cellwright.engine.pipelines.manipulation import place_operation, scene_camera
-    from cellwright.kb.loader.scene_file import load_scene, relation_of
-    from cellwright.kb.targets import find_scene
-
-    read = load_scene(find_scene(scene))
-    relation = relation_of(read.cell, first, kind, second, by)
-    depth_image = read_depth(image, scene_camera.camera_of(read)) if image else None
-    portion = place_operation.bring_to_relation(read, relation, seed, depth_image)
+    read = loader.load_scene(find_scene(scene))
+    relation = loader.relation_of(read.cell, first, kind, second, by)
+    depth_image = interop.read_depth(image, manipulation.camera_of(read)) if image else None
+    portion = manipulation.bring_to_relation(read, relation, seed, depth_image)
     status, text = report.portion_status(portion), report.portion_text(portion, relation)
     return VerbAnswer(
-        status, report.portion_content(portion), lambda: Text(text), HANDEY_EXIT_CODES[status]
+        status,
+        report.portion_content(portion),
+        lambda: rich_parts.Text(text),
+        HANDEY_EXIT_CODES[status],
     )
 
 
@@ -213,38 +206,30 @@ def watch(
 def _watch_operator(
     part: str, base: str, scene: str, acts: Path, image: Path | None, seed: int
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.interop.depth_files import read_depth
-    from cellwright.engine.formats.interop.operator_events import read_acts
-    from cellwright.engine.formats.report.cells import assembly_report as report
-    from cellwright.engine.formats.report.cells import placing_report
-    from cellwright.engine.pipelines.manipulation import arm_monitoring, scene_camera
-    from cellwright.engine.pipelines.manipulation.place_answers import NotPlaced
-    from cellwright.kb.loader.scene_file import load_scene
-    from cellwright.kb.targets import find_scene
-
-    read = load_scene(find_scene(scene))
-    events = read_acts(acts, read)
-    depth_image = read_depth(image, scene_camera.camera_of(read)) if image else None
-    state = arm_monitoring.begin_watching(read, part, base, seed, depth_image)
-    if isinstance(state, NotPlaced):
+    read = loader.load_scene(find_scene(scene))
+    events = interop.read_acts(acts, read)
+    depth_image = interop.read_depth(image, manipulation.camera_of(read)) if image else None
+    state = manipulation.begin_watching(read, part, base, seed, depth_image)
+    if isinstance(state, manipulation.NotPlaced):
         why, status = (
-            placing_report.placing_text(state, part, base),
-            placing_report.placing_status(state),
+            report.placing_text(state, part, base),
+            report.placing_status(state),
         )
         return VerbAnswer(
             status,
-            placing_report.placing_content(state),
-            lambda: Text(why),
+            report.placing_content(state),
+            lambda: rich_parts.Text(why),
             HANDEY_EXIT_CODES[status],
         )
-    forecasts = list(arm_monitoring.watch_events(state, events))
+    forecasts = list(manipulation.watch_events(state, events))
     warned = any(forecast is not None for _, forecast in forecasts)
     content, text = (
         report.followed_content(state, forecasts),
         report.followed_text(state, forecasts),
     )
     return VerbAnswer(
-        "warned" if warned else "found", content, lambda: Text(text), FINDINGS if warned else 0
+        "warned" if warned else "found",
+        content,
+        lambda: rich_parts.Text(text),
+        FINDINGS if warned else 0,
     )

@@ -4,10 +4,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, refuse_idle
 from cellwright.engine.faces.cli.options.shared_options import Format, number_option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
+from cellwright.engine.formats import interop, report
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -68,13 +71,7 @@ def csv(
 def _import_points(
     file: Path, output: Path | None, domain: str, unit: str, edge: float | None, table: bool = False
 ) -> VerbAnswer:
-    from cellwright.engine.formats.interop.inspection_files import import_file, inspection_remarks
-    from cellwright.engine.formats.report.measurements.tool_groups import (
-        tool_groups_entry,
-        tool_groups_text,
-    )
-
-    inspection, partition, text = import_file(file, domain, unit, edge, table)
+    inspection, partition, text = interop.import_file(file, domain, unit, edge, table)
     target = output or Path(f"{file.stem}.yaml")
     _write_problem(target, text)
     content = {
@@ -84,17 +81,15 @@ def _import_points(
     }
     return VerbAnswer(
         "ok",
-        {**content, **tool_groups_entry(partition)},
-        lambda: tool_groups_text(
+        {**content, **report.tool_groups_entry(partition)},
+        lambda: report.tool_groups_text(
             partition, f"{target}: {inspection.features} features, {len(inspection.points)} points"
         ),
-        diagnostics=inspection_remarks(inspection, file),
+        diagnostics=interop.inspection_remarks(inspection, file),
     )
 
 
 def _write_problem(target: Path, text: str) -> None:
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
     try:
         target.write_text(text, "utf-8")
     except OSError as error:

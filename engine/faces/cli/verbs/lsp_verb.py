@@ -2,8 +2,10 @@
 
 from typing import Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Option
+from typer import Option
+
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 LSP_PACKAGES = ("pygls", "lsprotocol")
 Stdio = Annotated[
@@ -22,8 +24,6 @@ def serve_lsp(_stdio: Stdio = True) -> None:
 
 def _serve_lsp() -> VerbAnswer:
     from importlib.util import find_spec
-
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if missing := [
         package_name for package_name in LSP_PACKAGES if find_spec(package_name) is None

@@ -1,14 +1,22 @@
 """The verbs `macros`: what a library has learned, and changes to it."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
 from cellwright.engine.faces.cli.options.shared_options import Format, Library
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.engine.formats import report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import planning
+from cellwright.kb import loader
+from cellwright.kb import store as kb_store
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -101,10 +109,7 @@ def stats(store: Library, format: Format = AnswerForm.TEXT) -> None:
 
 
 def _domain_of(target: str) -> "Domain":
-    from cellwright.engine.pipelines.planning.target_files import load_target
-    from cellwright.kb.loader import find_target
-
-    return load_target(find_target(target)).domain
+    return planning.load_target(loader.find_target(target)).domain
 
 
 def _domain_digests(target: str) -> "DomainDigests":
@@ -130,11 +135,8 @@ def _macro_entry(each: "Stored", stale: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def _list_macros(store: str, target: str) -> VerbAnswer:
-    from cellwright.engine.formats.report.plans import library_report as report
-    from cellwright.kb.store import Library
-
     digests = _domain_digests(target) if target else None
-    with Library(store) as library:
+    with kb_store.Library(store) as library:
         name = digests.domain.name if digests else ""
         stored_macros = library.all(name)
         stale = library.outdated(name, digests.of) if digests else {}
@@ -153,8 +155,6 @@ def _list_macros(store: str, target: str) -> VerbAnswer:
 
 def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> dict[str, Any]:
     """How useful a sub-sequence was in searches; empty for other MACROPs."""
-    from dataclasses import asdict
-
     search_figures = {
         search: {**asdict(utility), "pays": utility.pays}
         for (own, search), utility in utilities.items()
@@ -164,21 +164,16 @@ def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> d
 
 
 def _show_macro(number: int, store: str) -> VerbAnswer:
-    from cellwright.engine.formats.report.plans import library_report as report
-    from cellwright.kb.store import Library, document
-
-    with Library(store) as library:
+    with kb_store.Library(store) as library:
         stored_macro = _macro_numbered(library, number)
     return VerbAnswer(
         "ok",
-        {**_macro_entry(stored_macro), "document": document(stored_macro.macrop)},
+        {**_macro_entry(stored_macro), "document": kb_store.document(stored_macro.macrop)},
         lambda: report.macrop_text(stored_macro.macrop),
     )
 
 
 def _macro_numbered(library: "Opened", number: int) -> "Stored":
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
     stored_macro = library.numbered(number)
     if stored_macro is None:
         message, hint = f"there is no MACROP {number}", "`cellwright macros list` lists the numbers"
@@ -187,13 +182,8 @@ def _macro_numbered(library: "Opened", number: int) -> "Stored":
 
 
 def _learn_macros(files: list[Path], store: str) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.pipelines.planning.macros.macro_exchange import learn_from_file
-    from cellwright.kb.store import Library
-
-    with Library(store) as library:
-        lessons = [learn_from_file(file, library) for file in files]
+    with kb_store.Library(store) as library:
+        lessons = [planning.learn_from_file(file, library) for file in files]
     lesson_lines = [f"{lesson.file}: {lesson}" for lesson in lessons]
     content = {
         "plans": [
@@ -203,70 +193,53 @@ def _learn_macros(files: list[Path], store: str) -> VerbAnswer:
     }
     findings = tuple(diagnostic for lesson in lessons for diagnostic in lesson.diagnostics)
     return VerbAnswer(
-        "ok", content, lambda: Text("\n".join(lesson_lines)), FINDINGS if findings else 0, findings
+        "ok",
+        content,
+        lambda: rich_parts.Text("\n".join(lesson_lines)),
+        FINDINGS if findings else 0,
+        findings,
     )
 
 
 def _forget_macros(numbers: list[int], stale: str, store: str) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.kb.store import Library
-
     digests = _domain_digests(stale) if stale else None
-    with Library(store) as library:
+    with kb_store.Library(store) as library:
         for number in numbers:
             _macro_numbered(library, number)
         outdated = library.outdated(digests.domain.name, digests.of) if digests else {}
         gone = library.forget({*numbers, *outdated})
     content = {"forgotten": gone, "stale": {str(n): list(parts) for n, parts in outdated.items()}}
-    return VerbAnswer("ok", content, lambda: Text(f"{gone} forgotten"))
+    return VerbAnswer("ok", content, lambda: rich_parts.Text(f"{gone} forgotten"))
 
 
 def _export_macros(file: Path, store: str, target: str) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.pipelines.planning.macros.macro_exchange import write_macros
-    from cellwright.kb.store import Library
-
-    with Library(store) as library:
+    with kb_store.Library(store) as library:
         stored_macros = library.all(_domain_of(target).name if target else "")
-    write_macros(file, [stored_macro.macrop for stored_macro in stored_macros])
+    planning.write_macros(file, [stored_macro.macrop for stored_macro in stored_macros])
     return VerbAnswer(
         "ok",
         {"file": str(file), "macrops": len(stored_macros)},
-        lambda: Text(f"{len(stored_macros)} written to {file}"),
+        lambda: rich_parts.Text(f"{len(stored_macros)} written to {file}"),
     )
 
 
 def _import_macros(file: Path, store: str) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.pipelines.planning.macros.macro_exchange import (
-        macro_records,
-        read_macros,
-    )
-    from cellwright.kb.store import Library
-
-    imported_records = macro_records(read_macros(file))
-    with Library(store) as library:
+    imported_records = planning.macro_records(planning.read_macros(file))
+    with kb_store.Library(store) as library:
         numbers = library.add(imported_records)
     new = sum(number is not None for number in numbers)
     content = {"macrops": len(numbers), "new": new}
-    return VerbAnswer("ok", content, lambda: Text(f"{len(numbers)} read, {new} of them new"))
+    return VerbAnswer(
+        "ok", content, lambda: rich_parts.Text(f"{len(numbers)} read, {new} of them new")
+    )
 
 
 def _library_stats(store: str) -> VerbAnswer:
-    from dataclasses import asdict
-
-    from cellwright.engine.formats.report.plans import library_report as report
-    from cellwright.kb.store import Library
-    from cellwright.kb.store.usage_counts import Utility
-
-    with Library(store) as library:
+    with kb_store.Library(store) as library:
         library_totals = library.figures()
         utilities = library.utilities()
     kept = len({number for number, _ in utilities})
-    inner = sum(utilities.values(), Utility())
+    inner = sum(utilities.values(), kb_store.Utility())
     figures = {**asdict(library_totals), "saved_s": round(library_totals.saved_s, 3)}
     figures |= {"subsequences": {"macrops": kept, **asdict(inner)}}
     return VerbAnswer("ok", figures, lambda: report.library_figures(library_totals, kept, inner))

@@ -1,12 +1,13 @@
 """The verbs `measurement`: measurements of a problem, and shapes fitted to measured points."""
 
 from collections.abc import Callable
+from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
 from cellwright.engine.faces.cli.options.shared_options import Format, Target, number_option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
@@ -15,9 +16,13 @@ from cellwright.engine.faces.cli.verbs.range_image_verbs import (
     measure_dimensions,
     recognise_parts,
 )
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.model.part_measurements import MeasurementPoint
+from cellwright.engine.pipelines import inspection, planning
 
 if TYPE_CHECKING:
-    from cellwright.engine.model.part_measurements import MeasurementPoint
     from cellwright.engine.model.shape_fits import Aligning, FitShape, Fitting
 
 ShapeName = Annotated[
@@ -118,15 +123,12 @@ def align_part(
 def _fit_shapes(asked: "list[tuple[FitShape, Path]]", sigma_m: float, unit: str) -> VerbAnswer:
     import numpy as np
 
-    from cellwright.engine.formats.interop.depth_files import read_cloud
-    from cellwright.engine.formats.interop.measurement_tables import unit_m
-    from cellwright.engine.formats.report.measurements import fit_report
     from cellwright.engine.model.shape_fits import Cloud, Fit
     from cellwright.engine.stages.fitting.shape_fit import fit_measured_shape
     from cellwright.engine.stages.fitting.shape_relations import relate_fits
 
-    metres = unit_m(unit)
-    clouds = [(shape, read_cloud(path, metres)) for shape, path in asked]
+    metres = interop.unit_m(unit)
+    clouds = [(shape, interop.read_cloud(path, metres)) for shape, path in asked]
     fittings: list[Fitting] = [
         fit_measured_shape(shape, Cloud(cloud_points, np.full(len(cloud_points), sigma_m)))
         for shape, cloud_points in clouds
@@ -135,8 +137,8 @@ def _fit_shapes(asked: "list[tuple[FitShape, Path]]", sigma_m: float, unit: str)
     fine = len(sound) == len(fittings)
     related = relate_fits(*sound) if len(sound) == 2 else ()
     content = {
-        "fits": [fit_report.fit_entry(fitting) for fitting in fittings],
-        "between": fit_report.related_entries(related),
+        "fits": [report.fit_entry(fitting) for fitting in fittings],
+        "between": report.related_entries(related),
     }
     wide = max(
         (
@@ -151,7 +153,7 @@ def _fit_shapes(asked: "list[tuple[FitShape, Path]]", sigma_m: float, unit: str)
     return VerbAnswer(
         "ok" if fine else "refused",
         content,
-        lambda: fit_report.fits_text(fittings, related).append(hint),
+        lambda: report.fits_text(fittings, related).append(hint),
         0 if fine else FINDINGS,
     )
 
@@ -159,36 +161,28 @@ def _fit_shapes(asked: "list[tuple[FitShape, Path]]", sigma_m: float, unit: str)
 def _align_part(
     target: str, path: Path, sigma_m: float, within: float | None, output: Path | None
 ) -> VerbAnswer:
-    from cellwright.engine.formats.interop.measured_alignment import (
-        datums_of,
-        read_results,
-        write_moved,
-    )
-    from cellwright.engine.formats.report.measurements import fit_report
     from cellwright.engine.model.shape_fits import Alignment
-    from cellwright.engine.pipelines.inspection.measurement_points import points_of_problem
-    from cellwright.engine.pipelines.planning import checked_plan
     from cellwright.engine.stages.fitting.datum_alignment import align_by_datums, require_precision
 
-    problem = checked_plan.problem_of(target)
-    datums = datums_of(problem, read_results(path), sigma_m)
-    places = [point.position for point in points_of_problem(problem)]
+    problem = planning.problem_of(target)
+    datums = interop.datums_of(problem, interop.read_results(path), sigma_m)
+    places = [point.position for point in inspection.points_of_problem(problem)]
     alignment: Aligning = require_precision(
         align_by_datums(datums), places, None if within is None else within * 1e-3
     )
     fine = isinstance(alignment, Alignment)
     moved = (
-        write_moved(problem, alignment.T_measured_nominal, output)
+        interop.write_moved(problem, alignment.T_measured_nominal, output)
         if isinstance(alignment, Alignment) and output
         else 0
     )
-    content = fit_report.alignment_entry(alignment, datums.names, places)
+    content = report.alignment_entry(alignment, datums.names, places)
     if moved:
         content |= {"file": str(output), "moved": moved}
     return VerbAnswer(
         "ok" if fine else "refused",
         content,
-        lambda: fit_report.alignment_text(
+        lambda: report.alignment_text(
             alignment, datums.names, places, str(output) if moved else ""
         ),
         0 if fine else FINDINGS,
@@ -283,27 +277,18 @@ def remove(file: File, name: Name, format: Format = AnswerForm.TEXT) -> None:
 
 
 def _list_measurements(target: str) -> VerbAnswer:
-    from rich.console import Group
-
-    from cellwright.engine.formats.report.measurements.tool_groups import (
-        tool_groups_entry,
-        tool_groups_text,
+    divided_points = inspection.partition_for_arms(
+        inspection.with_places(planning.problem_of(target))
     )
-    from cellwright.engine.formats.report.text_tables import TextTable
-    from cellwright.engine.pipelines.inspection.arm_capabilities import partition_for_arms
-    from cellwright.engine.pipelines.inspection.measurement_points import with_places
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
-
-    divided_points = partition_for_arms(with_places(problem_of(target)))
     rows = [(name, tool, "") for tool, names in divided_points.groups.items() for name in names]
     rows += [(name, "done", "") for name in divided_points.done]
     rows += [(name, "-", reason) for name, reason in divided_points.impossible.items()]
     width = 3 if divided_points.impossible else 2  # a column of reasons, if there are any
-    table = TextTable(("measurement", "by", "reason")[:width], [row[:width] for row in rows])
+    table = report.TextTable(("measurement", "by", "reason")[:width], [row[:width] for row in rows])
     return VerbAnswer(
         "ok",
-        tool_groups_entry(divided_points),
-        lambda: Group(table, tool_groups_text(divided_points)),
+        report.tool_groups_entry(divided_points),
+        lambda: rich_parts.Group(table, report.tool_groups_text(divided_points)),
     )
 
 
@@ -315,10 +300,6 @@ def _measurement_point(
     sizes: tuple[float | None, float | None, float | None],
     tool: str,
 ) -> "MeasurementPoint":
-    from math import hypot
-
-    from cellwright.engine.model.part_measurements import MeasurementPoint
-
     length = hypot(*normal)
     if not length:
         raise make_misfit("the normal has no length")
@@ -332,11 +313,8 @@ def _measurement_point(
 
 def _change_measurements(file: Path, how: str, what: "MeasurementPoint | str") -> VerbAnswer:
     """Change the lines of a file, and write them if the changed file can still be read."""
-    from rich.text import Text
-
-    from cellwright.engine.formats.interop.inspection_files import edit_measurements
-    from cellwright.engine.model.part_measurements import MeasurementPoint
-
-    edit_measurements(file, how, [what])
+    interop.edit_measurements(file, how, [what])
     name = what.name if isinstance(what, MeasurementPoint) else what
-    return VerbAnswer("ok", {"file": str(file), how: name}, lambda: Text(f"{name} {how} in {file}"))
+    return VerbAnswer(
+        "ok", {"file": str(file), how: name}, lambda: rich_parts.Text(f"{name} {how} in {file}")
+    )

@@ -1,12 +1,16 @@
 """The verb `monitor`: a page in the browser on which runs are watched, steered and replayed."""
 
+from importlib.util import find_spec
 from typing import Annotated
+from urllib.parse import quote
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.verbs.run_verbs import Store
+from cellwright.engine.formats.report import rich_parts
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.store.default_path import default_store
 
 MONITOR_PACKAGES = ("nicegui", "fastapi", "uvicorn")
@@ -40,8 +44,6 @@ def serve_monitor(
 
 
 def _serve_monitor(run: str, store: str, host: str, port: int, read_only: bool) -> VerbAnswer:
-    from rich.text import Text
-
     _needs_the_extra()
     _port_is_free(host, port)
     from cellwright.engine.faces.monitor.shared_state import SharedState
@@ -54,21 +56,17 @@ def _serve_monitor(run: str, store: str, host: str, port: int, read_only: bool) 
         f"{_page_address(host, port, run)}{'' if host in LOCAL_HOSTS else f'?token={shared.token}'}"
     )
     run_web_server(shared, host, port)
-    return VerbAnswer("ok", {"store": store}, lambda: Text("The monitor has ended; runs go on."))
+    return VerbAnswer(
+        "ok", {"store": store}, lambda: rich_parts.Text("The monitor has ended; runs go on.")
+    )
 
 
 def _page_address(host: str, port: int, run: str) -> str:
-    from urllib.parse import quote
-
     name = f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/" + (f"run/{quote(run, safe='')}" if run else "")
 
 
 def _needs_the_extra() -> None:
-    from importlib.util import find_spec
-
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
     missing = [package_name for package_name in MONITOR_PACKAGES if find_spec(package_name) is None]
     if missing:
         message = f"the monitor needs {', '.join(missing)}"
@@ -87,8 +85,6 @@ def _needs_the_extra() -> None:
 def _port_is_free(host: str, port: int) -> None:
     """Raise `InvalidInput` if nothing can be served there."""
     import socket
-
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as trial:

@@ -6,6 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.faces.cli.output.answer_output import VerbAnswer
 from cellwright.engine.faces.cli.process.exit_codes import exit_code
+from cellwright.engine.formats import report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.run_protocol import BODIES_SEEN
+from cellwright.engine.pipelines import execution, motion, planning
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb import loader
+from cellwright.kb import store as kb_store
 
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.motion.seen_bodies import SeenBody
@@ -19,24 +27,14 @@ def film_of_plan(
     target: str, seed: int, store: str, output: Path, every_s: float, seen: tuple[float, float]
 ) -> VerbAnswer:
     """The film of the plan of TARGET."""
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.json_answers import outcome_status
-    from cellwright.engine.model.outcome import Found
-    from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
-    from cellwright.engine.pipelines.motion.step_film import shots_of_film, takes_of_plan
-    from cellwright.engine.pipelines.planning import checked_plan, plan_objective
-    from cellwright.engine.pipelines.planning.plan_gate import PlanGate
-    from cellwright.engine.plugins import geometry_backend
     from cellwright.engine.stages.planning import SearchLimits
-    from cellwright.kb.loader.cell import cell_of
 
-    problem, cell = checked_plan.problem_of(target), cell_of(target)
-    posed_plan = plan_with_poses(
+    problem, cell = planning.problem_of(target), loader.cell_of(target)
+    posed_plan = motion.plan_with_poses(
         problem,
         cell,
         geometry_backend(),
-        lambda each: plan_objective.plan_for_objective(each, SearchLimits(seed=seed)),
+        lambda each: planning.plan_for_objective(each, SearchLimits(seed=seed)),
         seed,
         store,
     )
@@ -44,92 +42,79 @@ def film_of_plan(
     if not isinstance(outcome, Found):
         message = f"There is nothing to play: {outcome.reason}."
         return VerbAnswer(
-            outcome_status(outcome),
+            report.outcome_status(outcome),
             {"reason": outcome.reason},
-            lambda: Text(message),
+            lambda: rich_parts.Text(message),
             exit_code(outcome),
         )
-    semantics = PlanGate().semantics(posed_plan.moving.problem)
-    takes = takes_of_plan(semantics, cell, outcome.plan, posed_plan.moving.steps)
-    return _write_film(list(shots_of_film(takes, every_s)), output, every_s, seen)
+    semantics = planning.PlanGate().semantics(posed_plan.moving.problem)
+    takes = motion.takes_of_plan(semantics, cell, outcome.plan, posed_plan.moving.steps)
+    return _write_film(list(motion.shots_of_film(takes, every_s)), output, every_s, seen)
 
 
 def film_of_run(
     run: str, store: str, seed: int, output: Path, every_s: float, seen: tuple[float, float]
 ) -> VerbAnswer:
     """The film of a run, from its journal. Raises `InvalidInput` if there is no such run."""
-    from cellwright.engine.pipelines.motion.plan_walk import PlanWalk
-    from cellwright.engine.pipelines.motion.seen_bodies import with_seen
-    from cellwright.engine.pipelines.motion.step_film import shots_of_film, takes_of_run
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
-    from cellwright.engine.pipelines.planning.plan_gate import PlanGate
-    from cellwright.engine.plugins import geometry_backend
-    from cellwright.kb.loader.cell import cell_of
-    from cellwright.kb.store.journal import Journal
-
-    with Journal(store) as journal:
+    with kb_store.Journal(store) as journal:
         about: Any = journal.known(run).document
-        problem: Problem = problem_of(
+        problem: Problem = planning.problem_of(
             str(about["target"]), str(about["goals"]), str(about["command"])
         )
-        cell: Cell = cell_of(str(about["target"]))
-        semantics = PlanGate().semantics(problem)
+        cell: Cell = loader.cell_of(str(about["target"]))
+        semantics = planning.PlanGate().semantics(problem)
         lines = list(journal.lines(run, kinds=("done", "world")))
-        walk = PlanWalk(
-            semantics, with_seen(cell, _obstacles_met(lines, cell)), geometry_backend(), seed
+        walk = motion.PlanWalk(
+            semantics, motion.with_seen(cell, _obstacles_met(lines, cell)), geometry_backend(), seed
         )
-        takes = takes_of_run(walk, semantics.initial(), _told_changes(lines))
-        return _write_film(list(shots_of_film(takes, every_s)), output, every_s, seen)
+        takes = motion.takes_of_run(walk, semantics.initial(), _told_changes(lines))
+        return _write_film(list(motion.shots_of_film(takes, every_s)), output, every_s, seen)
 
 
 def _obstacles_met(lines: Any, cell: "Cell") -> "list[SeenBody]":
     """What the arm has met in a run: it is shown from the beginning on."""
-    from cellwright.engine.model.run_protocol import BODIES_SEEN
-    from cellwright.engine.pipelines.motion.seen_bodies import seen_in
-
     bodies = {
         name: at for line in lines for name, at in line.content.get("bodies", {}).items() if at
     }
-    return list(seen_in({BODIES_SEEN: bodies}, cell)[0])
+    return list(motion.seen_in({BODIES_SEEN: bodies}, cell)[0])
 
 
 def _told_changes(lines: Any) -> "Iterator[tuple[Function | None, list[Atom], list[Atom]]]":
     """What was done, or corrected, by each record: the step, what it added and what it ended."""
-    from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
-
     for line in lines:
         content = line.content
         adds, ends = (
-            [read_ground_atom(atom_content) for atom_content in content.get(key, ())]
+            [execution.read_ground_atom(atom_content) for atom_content in content.get(key, ())]
             for key in ("adds", "ends")
         )
-        yield (read_ground_atom(content["action"]) if "action" in content else None), adds, ends
+        yield (
+            (execution.read_ground_atom(content["action"]) if "action" in content else None),
+            adds,
+            ends,
+        )
 
 
 def _write_film(
     shots: "list[FilmShot]", output: Path, every_s: float, seen: tuple[float, float]
 ) -> VerbAnswer:
     """The film in its file or files."""
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.cells import motion_pictures
-    from cellwright.engine.pipelines.motion.step_film import thin_shots
-
     if not shots:
-        return VerbAnswer("found", {"seconds": 0, "files": []}, lambda: Text("Nothing moves."))
+        return VerbAnswer(
+            "found", {"seconds": 0, "files": []}, lambda: rich_parts.Text("Nothing moves.")
+        )
     lasts = shots[-1].at_s
     if output.suffix == ".png":
-        shots = thin_shots(shots, every_s)
+        shots = motion.thin_shots(shots, every_s)
         files = [output.with_stem(f"{output.stem}-{n:04d}") for n in range(1, len(shots) + 1)]
-        for file, picture in zip(files, motion_pictures.as_pngs(shots, *seen), strict=True):
+        for file, picture in zip(files, report.as_pngs(shots, *seen), strict=True):
             file.write_bytes(picture)
         film_text = f"{len(files)} pictures of {lasts:.0f} s: {files[0]} to {files[-1].name}"
     else:
         files = [output]
-        output.write_text(motion_pictures.film_gltf(shots), encoding="utf-8")
+        output.write_text(report.film_gltf(shots), encoding="utf-8")
         film_text = f"{lasts:.0f} s in {output}"
     return VerbAnswer(
         "found",
         {"seconds": round(lasts, 3), "files": [str(file) for file in files]},
-        lambda: Text(film_text),
+        lambda: rich_parts.Text(film_text),
     )

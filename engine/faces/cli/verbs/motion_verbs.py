@@ -8,13 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import (
-    Argument,
-    Option,
-    make_misfit,
-    refuse_idle,
-)
 from cellwright.engine.faces.cli.options.shared_options import (
     Cluster,
     Format,
@@ -29,6 +24,14 @@ from cellwright.engine.faces.cli.options.worker_options import (
 )
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE
+from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
+from cellwright.engine.formats import report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import motion
+from cellwright.kb import loader
+from cellwright.kb import store as kb_store
+from cellwright.kb.files import read_file
 
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.motion.arm_motion import ArmMotion, MotionWish
@@ -170,10 +173,9 @@ def plan_motion(
 
     def wished() -> "MotionWish":
         from cellwright.engine.model.motion_values import Strategy
-        from cellwright.engine.pipelines.motion.arm_motion import MotionWish
 
         planner_strategy, tilt_rad = Strategy(strategy.value), math.radians(upright)
-        return MotionWish(
+        return motion.MotionWish(
             margin,
             seed,
             bridges,
@@ -326,10 +328,9 @@ def motion_play(
 
     def played() -> VerbAnswer:
         from cellwright.engine.faces.cli.verbs import motion_film as films
-        from cellwright.kb.store.default_path import default_store
 
         if run:
-            return films.film_of_run(run, store or default_store(), seed, file, pace, seen)
+            return films.film_of_run(run, store or kb_store.default_store(), seed, file, pace, seen)
         return films.film_of_plan(target, seed, store, file, pace, seen)
 
     give_answer(played, format)
@@ -343,12 +344,7 @@ def _plan_motion(
     output: Path | None,
     seen: tuple[float, float],
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.cells import motion_report as report
-    from cellwright.engine.pipelines.motion.arm_motion import MotionSite, plan_named_motion
-
-    planned_motion = plan_named_motion(MotionSite.of(target), *ends, wished())
+    planned_motion = motion.plan_named_motion(motion.MotionSite.of(target), *ends, wished())
     status, motion_text = (
         report.motion_status(planned_motion.answer),
         report.motion_text(planned_motion),
@@ -363,7 +359,7 @@ def _plan_motion(
     return VerbAnswer(
         status,
         report.motion_content(planned_motion),
-        lambda: Text(motion_text),
+        lambda: rich_parts.Text(motion_text),
         MOTION_EXIT_CODES[status],
     )
 
@@ -373,14 +369,12 @@ def _draw_motion(found: "ArmMotion", form: MotionForm, seen: tuple[float, float]
 
     Where there is no path, only PNG has one: where it is blocked worst.
     """
-    from cellwright.engine.formats.report.cells import motion_pictures as pictures
-
     if form is MotionForm.PNG:
-        return pictures.motion_png(found, *seen)
+        return report.motion_png(found, *seen)
     if not found.legs:
         return b""
     return (
-        pictures.motion_svg(found) if form is MotionForm.SVG else pictures.motion_gltf(found)
+        report.motion_svg(found) if form is MotionForm.SVG else report.motion_gltf(found)
     ).encode("utf-8")
 
 
@@ -388,15 +382,9 @@ def generate_problem_set(
     target: str, count: int, seed: int, tool: str, output: Path | None
 ) -> VerbAnswer:
     """A new problem set, printed or written."""
-    from rich.text import Text
-
-    from cellwright.engine.pipelines.motion.arm_motion import MotionSite
-    from cellwright.engine.pipelines.motion.problem_sets import (
-        draw_motion_problems,
-        problem_entries,
+    listed = motion.problem_entries(
+        motion.draw_motion_problems(motion.MotionSite.of(target), count, seed, tool)
     )
-
-    listed = problem_entries(draw_motion_problems(MotionSite.of(target), count, seed, tool))
     if output is None:
         return VerbAnswer("found", raw=_problem_set_text({"problems": listed}))
     output.write_text(_problem_set_text({"problems": listed}), encoding="utf-8")
@@ -404,7 +392,7 @@ def generate_problem_set(
         f"{len(listed)} problems in {output}; replay them with: motion plan {target} --problems "
         f"{output}"
     )
-    return VerbAnswer("found", {"problems": listed}, lambda: Text(saved_text))
+    return VerbAnswer("found", {"problems": listed}, lambda: rich_parts.Text(saved_text))
 
 
 def replay_problem_set(
@@ -415,13 +403,9 @@ def replay_problem_set(
     work: "WorkerOptions",
 ) -> VerbAnswer:
     """What the planner makes of a saved set; exit code 10 if an answer is not the saved one."""
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.report.cells import motion_tables as report
-    from cellwright.engine.pipelines.motion.problem_sets import replayed_set
-
     crew = crew_asked(work.jobs, work.cluster)
     with SearchInterruption() as interrupted, progress_of("motions") as progress:
-        replayed_problems = replayed_set(
+        replayed_problems = motion.replayed_set(
             target, _read_problem_set(problems), wished(), crew, work.store, interrupted, progress
         )
     entry = report.replay_entry(replayed_problems)
@@ -437,15 +421,13 @@ def replay_problem_set(
 
 
 def _read_problem_set(path: Path) -> "list[MotionProblem]":
-    from cellwright.engine.pipelines.motion.problem_sets import problems_in
-    from cellwright.kb.files import read_file
     from cellwright.kb.json_text import parse_json
 
     try:
         content = parse_json(read_file(path).text)
     except ValueError:
         content = None
-    return problems_in(content, str(path))
+    return motion.problems_in(content, str(path))
 
 
 def _problem_set_text(content: dict[str, object]) -> str:
@@ -456,16 +438,12 @@ def travel_table_answer(
     target: str, tool: str, places: tuple[str, ...], facts: bool, work: "WorkerOptions"
 ) -> VerbAnswer:
     """Travel times between the places of a cell; with `facts`, as facts for a problem file."""
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.report.cells import motion_tables as report
-    from cellwright.engine.pipelines.motion.problem_sets import table_by
-    from cellwright.kb.loader import find_target, load
     from cellwright.kb.syntax import SECONDS_PER_UNIT
 
-    unit_s = float(SECONDS_PER_UNIT[load(find_target(target)).domain.time_unit])
+    unit_s = float(SECONDS_PER_UNIT[loader.load(loader.find_target(target)).domain.time_unit])
     crew = crew_asked(work.jobs, work.cluster)
     with SearchInterruption() as interrupted:
-        travel_times = table_by(target, tool, places, crew, work.store, interrupted)
+        travel_times = motion.table_by(target, tool, places, crew, work.store, interrupted)
     if facts:
         return VerbAnswer(
             "found", raw="".join(f"  - {fact}\n" for fact in travel_times.facts(unit_s))

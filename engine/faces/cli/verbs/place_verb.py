@@ -6,17 +6,23 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.scene_options import (
     Calibration,
     Image,
     SceneName,
+    needs_mujoco,
     read_scene,
 )
 from cellwright.engine.faces.cli.options.shared_options import Format, Seed
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE, STOPPED
 from cellwright.engine.faces.cli.verbs.motion_verbs import MotionStrategy, Strategy
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import manipulation
 
 if TYPE_CHECKING:
     from cellwright.engine.formats.report.cells.placing_pictures import Hands
@@ -119,27 +125,22 @@ def _place_part(
     moves: tuple[bool, bool],
     output: Path | None,
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.faces.cli.options.scene_options import needs_mujoco
-    from cellwright.engine.formats.interop.depth_files import read_depth
-    from cellwright.engine.formats.report.cells import placing_report as report
     from cellwright.engine.model.motion_values import Strategy
-    from cellwright.engine.pipelines.manipulation import place_operation, scene_camera
-    from cellwright.engine.pipelines.manipulation.place_answers import Placed
-    from cellwright.engine.pipelines.manipulation.workspace import HandApproachKind, MotionManner
 
     part, base = names
     if moves[0]:
         needs_mujoco("--execute")
-    manner = MotionManner(HandApproachKind(said_manner[0]), Strategy(said_manner[1]))
-    depth_image, later = (
-        read_depth(image, scene_camera.camera_of(read)) if image else None for image in images
+    manner = manipulation.MotionManner(
+        manipulation.HandApproachKind(said_manner[0]), Strategy(said_manner[1])
     )
-    placing_answer, looked = place_operation.place_part(read, part, base, seed, depth_image, manner)
+    depth_image, later = (
+        interop.read_depth(image, manipulation.camera_of(read)) if image else None
+        for image in images
+    )
+    placing_answer, looked = manipulation.place_part(read, part, base, seed, depth_image, manner)
     before = ""
-    if later is not None and isinstance(placing_answer, Placed):
-        since = place_operation.look_again(read, part, base, placing_answer, later)
+    if later is not None and isinstance(placing_answer, manipulation.Placed):
+        since = manipulation.look_again(read, part, base, placing_answer, later)
         placing_answer, looked, before = (
             since.answer,
             since.looked,
@@ -152,12 +153,12 @@ def _place_part(
     if output is not None and looked is not None:
         files = draw_placing(read, part, placing_answer, looked, manner, output)
         answer_text = "\n".join([answer_text, *map(str, files)])
-    if moves[0] and isinstance(placing_answer, Placed):
+    if moves[0] and isinstance(placing_answer, manipulation.Placed):
         return _execute_placing(read, part, placing_answer, moves[1], answer_text)
     return VerbAnswer(
         status,
         report.placing_content(placing_answer),
-        lambda: Text(answer_text),
+        lambda: rich_parts.Text(answer_text),
         PLACE_EXIT_CODES[status],
     )
 
@@ -166,24 +167,17 @@ def _execute_placing(
     read: "Scene", part: str, found: "Placed", approve: bool, said: str
 ) -> VerbAnswer:
     """What comes of a plan in physics, if whoever is asked approves it."""
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.cells import physics_report
-    from cellwright.engine.formats.report.cells import placing_report as report
-
     planned = report.placing_content(found)
     if approve and not _ask_approval(said):
-        return VerbAnswer("stopped", planned, lambda: Text("nothing was moved"), STOPPED)
-    from cellwright.engine.pipelines.manipulation.assembly_execution import execute_carries
-
-    done = execute_carries(read, part, found)
-    text = physics_report.carried_text(done, part)
-    content = {**planned, "execution": physics_report.carried_content(done)}
+        return VerbAnswer("stopped", planned, lambda: rich_parts.Text("nothing was moved"), STOPPED)
+    done = manipulation.execute_carries(read, part, found)
+    text = report.carried_text(done, part)
+    content = {**planned, "execution": report.carried_content(done)}
     execution_text = text if approve else f"{said}\n{text}"
     return VerbAnswer(
         done.status,
         content,
-        lambda: Text(execution_text),
+        lambda: rich_parts.Text(execution_text),
         0 if done.status == "reached" else STOPPED,
     )
 
@@ -210,11 +204,9 @@ def draw_placing(
     folder: Path,
 ) -> Iterator[Path]:
     """Write the pictures of an answer into a folder, and tell their files."""
-    from cellwright.engine.pipelines.manipulation.place_answers import Placed
-
     folder.mkdir(parents=True, exist_ok=True)
     yield _write_picture(folder / "depth.png", _depth_picture(scene, part, looked, edges=True))
-    if not isinstance(found, Placed):
+    if not isinstance(found, manipulation.Placed):
         return
     yield _write_picture(
         folder / "grasps.png", _depth_picture(scene, part, looked, _hand_poses(found, looked))
@@ -233,14 +225,12 @@ def _write_picture(file: Path, content: bytes) -> Path:
 def _depth_picture(
     scene: "Scene", part: str, looked: "SceneView", hands: "Hands" = (), edges: bool = False
 ) -> bytes:
-    from cellwright.engine.formats.report.cells.placing_pictures import depth_png
-    from cellwright.engine.pipelines.manipulation.scene_camera import seen_edges
     from cellwright.engine.stages.geometry.shapes.facet_solids import solid_of
 
     best = looked.sightings[part].best
-    shown = seen_edges(looked) if edges else ()
+    shown = manipulation.seen_edges(looked) if edges else ()
     parts = [(solid_of(scene.cell.bodies[part]), best.T_camera_part)] if best else []
-    return depth_png(looked.image, parts, hands, shown)
+    return report.depth_png(looked.image, parts, hands, shown)
 
 
 def _hand_poses(found: "Placed", looked: "SceneView") -> "Hands":
@@ -256,34 +246,26 @@ def _hand_poses(found: "Placed", looked: "SceneView") -> "Hands":
 def _placing_task(
     scene: "Scene", part: str, found: "Placed", looked: "SceneView", manner: "MotionManner"
 ) -> "PlaceTask":
-    from cellwright.engine.pipelines.manipulation.workspace import AssemblySite
     from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 
-    site = AssemblySite.of(
+    site = manipulation.AssemblySite.of(
         scene, GeometricWorld.of(scene.cell), looked, {part: found.T_world_part}, manner
     )
     return site.task(part, (found.T_world_part, found.T_world_goal))
 
 
 def _grasp_plane(scene: "Scene", task: "PlaceTask", found: "Placed") -> str:
-    from cellwright.engine.formats.report.cells.placing_pictures import grasp_plane_svg
-    from cellwright.engine.pipelines.manipulation.carry_paths import plane_of, way_in
-
-    plane = plane_of(task, found.carries[0])
-    return grasp_plane_svg(
-        plane, way_in(task.world, scene, found.carries[0]), HAND_BLOCK_NAMES[scene.hand.fingers]
+    plane = manipulation.plane_of(task, found.carries[0])
+    return report.grasp_plane_svg(
+        plane,
+        manipulation.way_in(task.world, scene, found.carries[0]),
+        HAND_BLOCK_NAMES[scene.hand.fingers],
     )
 
 
 def _placement_graph(task: "PlaceTask", found: "Placed") -> str:
-    from cellwright.engine.formats.report.cells.placing_pictures import placements_svg
-    from cellwright.engine.pipelines.manipulation.placement_views import regrasp_graph
-
-    return placements_svg(regrasp_graph(task, found), task.part)
+    return report.placements_svg(manipulation.regrasp_graph(task, found), task.part)
 
 
 def _placing_film(scene: "Scene", part: str, found: "Placed") -> str:
-    from cellwright.engine.formats.report.cells.motion_pictures import film_gltf
-    from cellwright.engine.pipelines.manipulation.placement_views import film_shots
-
-    return film_gltf(list(film_shots(scene, part, found)))
+    return report.film_gltf(list(manipulation.film_shots(scene, part, found)))

@@ -4,12 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import (
-    Argument,
-    Option,
-    make_misfit,
-    refuse_idle,
-)
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Command,
     Expansions,
@@ -21,7 +17,12 @@ from cellwright.engine.faces.cli.options.shared_options import (
 )
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS, GAVE_UP, INTERRUPTED, exit_code
+from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.pipelines import planning
 
 if TYPE_CHECKING:
     from cellwright.kb.diagnostics import Diagnostic
@@ -52,15 +53,11 @@ def explain_target(
 def _explain_problem(
     target: str, goals: str, command: str, time_limit: float | None, expansions: int | None
 ) -> VerbAnswer:
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.report.plans.explanation_report import explanation_entry
-    from cellwright.engine.formats.report.plans.explanation_report import explanation_text as text
     from cellwright.engine.pipelines import explanation
-    from cellwright.engine.pipelines.planning import checked_plan
     from cellwright.engine.stages.planning import SearchLimits, expansions_within
 
     with SearchInterruption(time_limit) as interrupted:
-        problem = checked_plan.problem_of(target, goals, command)
+        problem = planning.problem_of(target, goals, command)
         limits = SearchLimits(expansions_within(expansions, time_limit), interrupted=interrupted)
         plan_explanation = explanation.explain_infeasibility(problem, limits)
     code = (
@@ -68,21 +65,22 @@ def _explain_problem(
     )
     return VerbAnswer(
         plan_explanation.status,
-        explanation_entry(plan_explanation),
-        lambda: text(plan_explanation),
+        report.explanation_entry(plan_explanation),
+        lambda: report.explanation_text(plan_explanation),
         code,
     )
 
 
 def _explain_step(file: Path, number: int) -> VerbAnswer:
-    from cellwright.engine.formats.report.plans.explanation_report import step_entry, step_reason
     from cellwright.engine.pipelines.explanation.step_purposes import explain_step
     from cellwright.engine.pipelines.planning.plan_files import plan_in
     from cellwright.engine.stages.grounding import ground
 
     problem, plan = plan_in(file)
     reason_of_step = explain_step(ground(problem), plan, number, str(file))
-    return VerbAnswer("ok", step_entry(reason_of_step), lambda: step_reason(reason_of_step))
+    return VerbAnswer(
+        "ok", report.step_entry(reason_of_step), lambda: report.step_reason(reason_of_step)
+    )
 
 
 def validate_plan_file(
@@ -132,27 +130,25 @@ def validate_plan_file(
 
 
 def _validate_export(file: Path, wanted: tuple[str, str, str], ground: bool) -> VerbAnswer:
-    from cellwright.engine.formats.interop.pddl.export import read_exported_plan
-    from cellwright.engine.pipelines.planning import checked_plan
-
-    problem = checked_plan.problem_of(*wanted)
-    return _plan_verdict(problem, read_exported_plan(problem, file, lifted=not ground), str(file))
+    problem = planning.problem_of(*wanted)
+    return _plan_verdict(
+        problem, interop.read_exported_plan(problem, file, lifted=not ground), str(file)
+    )
 
 
 def _validate_pddl(domain: Path, task: Path, made: Path) -> VerbAnswer:
-    from cellwright.engine.formats.interop.pddl import durative, read_pddl_task
-    from cellwright.engine.formats.interop.pddl.competition_plans import read_plan
+    from cellwright.engine.formats.interop.pddl import durative
 
     if durative.has_times(domain, task):
         return _validate_timed(domain, task, made)
-    read = read_pddl_task(domain, task)
-    return _plan_verdict(read.problem, read_plan(read, made), str(made), warnings=read.warnings)
+    read = interop.read_pddl_task(domain, task)
+    return _plan_verdict(
+        read.problem, interop.read_plan(read, made), str(made), warnings=read.warnings
+    )
 
 
 def _validate_timed(domain: Path, task: Path, made: Path) -> VerbAnswer:
     """The verdict of the checker of time."""
-    from rich.text import Text
-
     from cellwright.engine.formats.interop.pddl import durative
     from cellwright.engine.formats.interop.pddl.durative import plans
     from cellwright.engine.formats.report import timed
@@ -165,17 +161,13 @@ def _validate_timed(domain: Path, task: Path, made: Path) -> VerbAnswer:
         content = {"steps": len(plan.steps), "breaches": len(wrong)}
         return VerbAnswer("invalid", content, code=FINDINGS, diagnostics=tuple(wrong))
     said, content = timed.verdict(plan)
-    return VerbAnswer("valid", content, text=lambda: Text(said))
+    return VerbAnswer("valid", content, text=lambda: rich_parts.Text(said))
 
 
 def _validate_plan(file: Path, target: str) -> VerbAnswer:
-    from cellwright.engine.pipelines.planning.plan_files import claimed_in
-
-    own, plan, claims = claimed_in(file)
+    own, plan, claims = planning.claimed_in(file)
     if target:
-        from cellwright.engine.pipelines.planning.checked_plan import problem_of  # slow to import
-
-        own = problem_of(target)
+        own = planning.problem_of(target)
     return _plan_verdict(own, plan, str(file), claims)
 
 
@@ -190,8 +182,6 @@ def _plan_verdict(
 
     What it prints of the plan is computed from the steps, which are as the domain says.
     """
-    from rich.text import Text
-
     from cellwright.engine.model.task_costs import cost_number, cost_text
     from cellwright.engine.pipelines.planning import plan_files
 
@@ -213,7 +203,9 @@ def _plan_verdict(
     unmet = plan_files.unmet_times(problem, plan, claims)
     content |= unmet.entry()
     verdict_text = "\n".join((verdict_text, *unmet.lines(problem.domain.time_unit)))
-    return VerbAnswer("valid", content, text=lambda: Text(verdict_text), diagnostics=warnings)
+    return VerbAnswer(
+        "valid", content, text=lambda: rich_parts.Text(verdict_text), diagnostics=warnings
+    )
 
 
 def revise_plan_file(
@@ -252,9 +244,6 @@ class Observations:
 def _revise_plan(
     file: Path, given: Observations, both: bool, work: tuple[float | None, int | None, int]
 ) -> VerbAnswer:
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.report import json_answers
-    from cellwright.engine.formats.report.runs import recovery_report
     from cellwright.engine.pipelines.planning.plan_files import plan_in
     from cellwright.engine.pipelines.recovery.observations import revised_now
     from cellwright.engine.pipelines.recovery.replanning import plan_in_sequence
@@ -275,13 +264,13 @@ def _revise_plan(
             plan_in_sequence,
         )
     content = {
-        **json_answers.outcome_entry(revision.outcome, revision.problem),
-        "revision": recovery_report.revision_entry(revision, follows),
+        **report.outcome_entry(revision.outcome, revision.problem),
+        "revision": report.revision_entry(revision, follows),
     }
     code = INTERRUPTED if interrupted.heard else exit_code(revision.outcome)
     return VerbAnswer(
-        json_answers.outcome_status(revision.outcome),
+        report.outcome_status(revision.outcome),
         content,
-        lambda: recovery_report.revision_text(revision, follows),
+        lambda: report.revision_text(revision, follows),
         code,
     )

@@ -5,12 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import (
-    Argument,
-    Option,
-    make_misfit,
-    refuse_idle,
-)
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Anytime,
     Before,
@@ -32,11 +28,20 @@ from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAns
 from cellwright.engine.faces.cli.output.output_files import Output, answer_form
 from cellwright.engine.faces.cli.output.plan_forms import PlanForm
 from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED, exit_code
+from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
+from cellwright.engine.formats import interop, report
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import inspection, planning
+from cellwright.engine.pipelines import motion as motion_room
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb import loader
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
+from cellwright.kb.stopping import StoppedByCaller
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.formats.interop.pddl import PddlProblem
     from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
     from cellwright.engine.pipelines.motion.moving_plan import MovingRun
@@ -51,37 +56,27 @@ def raw_plan(made: "PlanAnswer", form: PlanForm, task: "PddlProblem | None") -> 
     """The plan as a file of its own: DOT, SVG, or IPC for a PDDL `task`. None without a plan,
     and for the other forms.
     """
-    from cellwright.engine.model.outcome import Found
-
     if form is PlanForm.IPC:
         return _ipc_plan(made, task)
     outcome = made.run.outcome
     if not isinstance(outcome, Found):
         return None
     if form is PlanForm.DOT:
-        from cellwright.engine.formats.report.drawing import dot_graphs
-
-        return dot_graphs.plan_dot(outcome.plan, made.problem)
+        return report.plan_dot(outcome.plan, made.problem)
     if form is PlanForm.SVG:
-        from cellwright.engine.formats.report.drawing import plan_svg
-
-        return plan_svg.draw_plan(outcome.plan, made.problem)
+        return report.draw_plan(outcome.plan, made.problem)
     return None
 
 
 def _ipc_plan(made: "PlanAnswer", task: "PddlProblem | None") -> str | None:
     """The plan in the format of the planning competitions."""
-    from cellwright.engine.formats.interop.pddl.competition_plans import write_plan
-    from cellwright.engine.model.outcome import Found
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
     if task is None:
         hint = "give --pddl"
         raise InvalidInput(
             [Diagnostic(Source("--format"), "K409", "ipc is a format for PDDL tasks", hint)]
         )
     outcome = made.run.outcome
-    return write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
+    return interop.write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
 
 
 class PlanObjective(StrEnum):
@@ -282,30 +277,24 @@ class SearchOptions:
 def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
     if not wanted.pddl:
         return None
-    from cellwright.engine.formats.interop.pddl import read_pddl_task
-
-    return read_pddl_task(Path(wanted.target), wanted.pddl)
+    return interop.read_pddl_task(Path(wanted.target), wanted.pddl)
 
 
 def _plan_target(
     wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions
 ) -> VerbAnswer:
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.report import json_answers
-    from cellwright.engine.formats.report.plans import plan_answer
-
     _require_strategy(work.strategy)
     task = _read_task(wanted)
     with SearchInterruption(work.seconds) as interrupted:
         made_plan = _make_plan(wanted, task, work, interrupted)
     outcome = made_plan.run.outcome
     return VerbAnswer(
-        json_answers.outcome_status(outcome),
-        plan_answer.plan_answer_content(made_plan, stats) if form is PlanForm.JSON else {},
-        text=lambda: plan_answer.plan_answer_text(made_plan, stats, work.folded),
+        report.outcome_status(outcome),
+        report.plan_answer_content(made_plan, stats) if form is PlanForm.JSON else {},
+        text=lambda: report.plan_answer_text(made_plan, stats, work.folded),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
         diagnostics=(
-            *plan_answer.library_warnings(made_plan.origin, work.store),
+            *report.library_warnings(made_plan.origin, work.store),
             *(task.warnings if task else _displaced(made_plan)),
         ),
         raw=raw_plan(made_plan, form, task),
@@ -332,37 +321,29 @@ def _make_plan(
     interrupted: "SearchInterruption",
 ) -> "PlanAnswer":
     """The plan, with the motions of its steps if they are asked for."""
-    from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
-    from cellwright.engine.pipelines.planning import plan_objective as objectives
-    from cellwright.engine.pipelines.planning.library_plans import plan_with_library
-
     problem = task.problem if task else _wanted_problem(wanted)
     limits = _search_limits(work, interrupted, problem.domain, task is not None)
-    wish = objectives.PlanningObjective(work.objective.value) if work.objective else None
-    order = objectives.SequenceChoice(work.order.value)
+    wish = planning.PlanningObjective(work.objective.value) if work.objective else None
+    order = planning.SequenceChoice(work.order.value)
     if work.motion:
         moving = _plan_motions(
             wanted.target,
             problem,
             work,
             interrupted,
-            lambda each: objectives.plan_for_objective(each, limits, wish, order),
+            lambda each: planning.plan_for_objective(each, limits, wish, order),
         )
-        return PlanAnswer(moving.run, moving.problem, moving=moving)
-    run, origin = plan_with_library(problem, limits, wish, order, work.store, work.folded)
-    return PlanAnswer(run, problem, origin)
+        return report.PlanAnswer(moving.run, moving.problem, moving=moving)
+    run, origin = planning.plan_with_library(problem, limits, wish, order, work.store, work.folded)
+    return report.PlanAnswer(run, problem, origin)
 
 
 def _wanted_problem(wanted: PlanRequest) -> "Problem":
     """The problem with what the options ask of its measurements."""
-    from cellwright.engine.pipelines.planning import checked_plan
-
-    problem = checked_plan.problem_of(wanted.target, wanted.goals, wanted.command)
+    problem = planning.problem_of(wanted.target, wanted.goals, wanted.command)
     if not any(wanted.demands):
         return problem
-    from cellwright.engine.pipelines.inspection.tour_demands import as_facts, of_options
-
-    return as_facts(problem, of_options(*wanted.demands))
+    return inspection.as_facts(problem, inspection.of_options(*wanted.demands))
 
 
 def _search_limits(
@@ -400,10 +381,6 @@ def _plan_motions(
 
     Raises `Stopped` if it is interrupted: a plan that does not move is no answer.
     """
-    from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
-    from cellwright.engine.plugins import geometry_backend
-    from cellwright.kb.loader.cell import cell_of
-    from cellwright.kb.stopping import StoppedByCaller
 
     def planned_in_time(each: "Problem") -> "Run":
         run = planned(each)
@@ -412,15 +389,14 @@ def _plan_motions(
         return run
 
     backend = geometry_backend()
-    posed_plan = plan_with_poses(
-        problem, cell_of(target), backend, planned_in_time, work.seed, work.store
+    posed_plan = motion_room.plan_with_poses(
+        problem, loader.cell_of(target), backend, planned_in_time, work.seed, work.store
     )
     return posed_plan.moving
 
 
 def _require_strategy(name: str) -> None:
     from cellwright.engine.stages.planning import RACE, STRATEGIES
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 
     if name not in (*STRATEGIES, RACE):
         hint = nearest_hint(name, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"

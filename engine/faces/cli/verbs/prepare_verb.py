@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument
+from typer import Argument
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Cluster,
     Expansions,
@@ -15,6 +16,8 @@ from cellwright.engine.faces.cli.options.shared_options import (
 from cellwright.engine.faces.cli.options.worker_options import crew_asked, progress_of, refuse_both
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import BAD_INPUT, GAVE_UP, INTERRUPTED, LIMIT
+from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.formats import report
 
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.jobs import WorkCrew
@@ -69,8 +72,6 @@ def _prepare_problems(
     expansions: int | None,
     seed: int,
 ) -> VerbAnswer:
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.report.plans import library_report
     from cellwright.engine.pipelines.precompute import prepare_problems as prepare_all
     from cellwright.engine.pipelines.precompute.preparation_results import problems_of
     from cellwright.engine.stages.planning import SearchLimits, expansions_within
@@ -90,8 +91,8 @@ def _prepare_problems(
     )
     return VerbAnswer(
         "ok" if not code else "incomplete",
-        library_report.preparation_content(preparation),
-        lambda: library_report.preparation_text(preparation),
+        report.preparation_content(preparation),
+        lambda: report.preparation_text(preparation),
         code,
         diagnostics,
     )

@@ -4,11 +4,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.scene_options import Image, SceneName
 from cellwright.engine.faces.cli.options.shared_options import Format, Seed, Target, number_option
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import manipulation, motion, planning
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb import loader
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.targets import CELL_FILE, find_scene
 
 if TYPE_CHECKING:
     from cellwright.engine.kernels.arrays import Floats
@@ -95,7 +104,6 @@ def measure_dimensions(
 def _read_patch(said: str) -> "DimensionRequest":
     from cellwright.engine.model.shape_fits import FitShape
     from cellwright.engine.model.vision import PixelWindow
-    from cellwright.engine.pipelines.motion.image_dimensions import DimensionRequest
 
     name, _, rest = said.partition("=")
     shape, _, corners = rest.partition(":")
@@ -115,7 +123,7 @@ def _read_patch(said: str) -> "DimensionRequest":
     left, top, right, bottom = (int(pixel) for pixel in pixels)
     if not (left < right and top < bottom):
         raise make_misfit(f"'{corners}' holds no pixel", param_hint="--patch")
-    return DimensionRequest(name, FitShape(shape), PixelWindow(left, top, right, bottom))
+    return motion.DimensionRequest(name, FitShape(shape), PixelWindow(left, top, right, bottom))
 
 
 def _read_pair(said: str, names: set[str]) -> tuple[str, str]:
@@ -132,11 +140,10 @@ def _image_reader(
     """Reads an image, and resolves its ranges if they are wrapped."""
 
     def read() -> "RangeImage":
-        from cellwright.engine.formats.interop.range_files import read_ranges
         from cellwright.engine.model.vision import Vague
         from cellwright.engine.stages.vision.sensor_images import resolve_ranges
 
-        image = read_ranges(path, None if tool is None else _ranging_tool(*tool))
+        image = interop.read_ranges(path, None if tool is None else _ranging_tool(*tool))
         if not image.wrapped:
             _refuse_if(bool(about), path, "its ranges are whole already", "leave --about out")
             return image
@@ -160,12 +167,10 @@ def _image_reader(
 
 
 def _ranging_tool(target: str, name: str) -> "Ranging":
-    from cellwright.engine.pipelines.motion.measured_surface import ranging_of
-    from cellwright.kb.loader.cell import cell_of, load_cell
-    from cellwright.kb.targets import CELL_FILE
-
     own = target.endswith(CELL_FILE) and Path(target).is_file()
-    return ranging_of(load_cell(Path(target)) if own else cell_of(target), name)
+    return motion.ranging_of(
+        loader.load_cell(Path(target)) if own else loader.cell_of(target), name
+    )
 
 
 def _expected_m(about: str, image: "RangeImage") -> "Floats":
@@ -174,14 +179,13 @@ def _expected_m(about: str, image: "RangeImage") -> "Floats":
     """
     import numpy as np
 
-    from cellwright.engine.formats.interop.range_files import read_ranges
     from cellwright.engine.stages.vision.sensor_images import of_depths
 
     size = (image.tool.height, image.tool.width)
     try:
         away_m = float(about) * 1e-3
     except ValueError:
-        expected_ranges = read_ranges(Path(about), image.tool)
+        expected_ranges = interop.read_ranges(Path(about), image.tool)
         _refuse_if(
             expected_ranges.wrapped,
             Path(about),
@@ -202,8 +206,6 @@ def _expected_m(about: str, image: "RangeImage") -> "Floats":
 
 
 def _refuse_if(so: bool, path: Path, told: str, hint: str) -> None:
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
     if so:
         raise InvalidInput([Diagnostic(Source(str(path)), "K702", told, hint)])
 
@@ -216,10 +218,7 @@ def _dimensions_answer(
     picture: Path | None,
 ) -> VerbAnswer:
     from cellwright.engine.faces.cli.output.output_files import write_picture
-    from cellwright.engine.formats.report.measurements import range_image_report as report
     from cellwright.engine.model.shape_fits import Fit
-    from cellwright.engine.pipelines.motion.image_dimensions import dimensions_in_image as measured
-    from cellwright.engine.pipelines.motion.image_dimensions import relate_shapes
 
     image = read()
     for patch_request in asked:
@@ -230,9 +229,11 @@ def _dimensions_answer(
         size = f"{image.tool.width} x {image.tool.height}"
         message = f"the patch '{patch_request.name}' reaches beyond the picture of {size} pixels"
         _refuse_if(beyond, path, message, "give pixels inside of it")
-    measured_patches = measured(image, asked)
+    measured_patches = motion.dimensions_in_image(image, asked)
     between = {
-        f"{first_name}, {second_name}": relate_shapes(measured_patches, first_name, second_name)
+        f"{first_name}, {second_name}": motion.relate_shapes(
+            measured_patches, first_name, second_name
+        )
         for first_name, second_name in pairs
     }
     write_picture(
@@ -352,30 +353,27 @@ def _image_answer(
     picture: Path | None,
 ) -> VerbAnswer:
     import numpy as np
-    from rich.text import Text
 
     from cellwright.engine.faces.cli.output.output_files import write_picture
-    from cellwright.engine.formats.interop.range_files import read_ranges, write_ranges
-    from cellwright.engine.formats.report.measurements import range_image_report as report
     from cellwright.engine.model.vision import Vague
-    from cellwright.engine.pipelines.motion.measured_surface import ImageRequest, measured_surface
-    from cellwright.engine.pipelines.planning import checked_plan
-    from cellwright.engine.plugins import geometry_backend
-    from cellwright.kb.loader.cell import cell_of
+    from cellwright.engine.pipelines.motion.measured_surface import measured_surface
 
-    problem = checked_plan.problem_of(target)
+    problem = planning.problem_of(target)
     true = None if off is None else np.array(off)
-    seeing = ImageRequest(
-        sigma_m, seed, true, None if given is None else lambda tool: read_ranges(given, tool)
+    seeing = motion.ImageRequest(
+        sigma_m,
+        seed,
+        true,
+        None if given is None else lambda tool: interop.read_ranges(given, tool),
     )
-    surface = measured_surface(problem, cell_of(target), geometry_backend(), name, seeing)
+    surface = measured_surface(problem, loader.cell_of(target), geometry_backend(), name, seeing)
     if isinstance(surface, Vague):
         refusal_reason = surface.reason
         return VerbAnswer(
-            "refused", {"reason": refusal_reason}, lambda: Text(refusal_reason), FINDINGS
+            "refused", {"reason": refusal_reason}, lambda: rich_parts.Text(refusal_reason), FINDINGS
         )
     if output is not None:
-        write_ranges(output, surface.answered if wrapped else surface.image)
+        interop.write_ranges(output, surface.answered if wrapped else surface.image)
     write_picture(
         picture,
         lambda: report.range_image_png(surface.image, surface.edges, {name: surface.window}),
@@ -392,17 +390,10 @@ def _recognition_answer(
     scene: str, parts: list[str], path: Path | None, seed: int, picture: Path | None
 ) -> VerbAnswer:
     from cellwright.engine.faces.cli.output.output_files import write_picture
-    from cellwright.engine.formats.interop.depth_files import read_depth
-    from cellwright.engine.formats.report.cells import placing_pictures
-    from cellwright.engine.formats.report.measurements import range_image_report as report
-    from cellwright.engine.pipelines.manipulation import scene_camera
-    from cellwright.engine.pipelines.manipulation.scene_camera import recognised_in
-    from cellwright.kb.loader.scene_file import load_scene
-    from cellwright.kb.targets import find_scene
 
-    read = load_scene(find_scene(scene))
-    depth_image = read_depth(path, scene_camera.camera_of(read)) if path else None
-    seen = recognised_in(read, parts, seed, depth_image)
+    read = loader.load_scene(find_scene(scene))
+    depth_image = interop.read_depth(path, manipulation.camera_of(read)) if path else None
+    seen = manipulation.recognised_in(read, parts, seed, depth_image)
     recognition = seen.answer
     drawn = [
         (seen.models[named_part.best.part].solid, named_part.best.T_eye_part)
@@ -411,7 +402,7 @@ def _recognition_answer(
     notes = [
         (unexplained_region.window, "no part") for unexplained_region in recognition.unexplained
     ]
-    write_picture(picture, lambda: placing_pictures.depth_png(seen.image, drawn, notes=notes))
+    write_picture(picture, lambda: report.depth_png(seen.image, drawn, notes=notes))
     return VerbAnswer(
         "found" if recognition.named else "refused",
         report.recognition_content(recognition),

@@ -3,11 +3,17 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import Format
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.verbs.run_verbs import Store
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import execution
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.store.default_path import default_store
 
 if TYPE_CHECKING:
@@ -60,68 +66,47 @@ def _results_answer(run: str, store: str, output: Path | None, history: bool) ->
 
 
 def _write_results(run: str, store: str, output: Path | None, history: bool) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.interop.results import write_results
-    from cellwright.engine.pipelines.execution.run_results import results_of
-
     if output is None:
         return _show_results(run, store, history)
     if output.suffix.lower() == ".html":
         return _write_report(run, store, output)
     form = _result_form(output)
-    run_results = results_of(store, run)
-    output.write_bytes(write_results(run_results, form).encode("utf-8"))
+    run_results = execution.results_of(store, run)
+    output.write_bytes(interop.write_results(run_results, form).encode("utf-8"))
     content = {"file": str(output), "measured": len(run_results.measured)}
     written_text = str(output) if run_results.measured else f"{output}: nothing was measured"
-    return VerbAnswer("ok", content, lambda: Text(written_text))
+    return VerbAnswer("ok", content, lambda: rich_parts.Text(written_text))
 
 
 def _show_results(run: str, store: str, history: bool) -> VerbAnswer:
     """The results, and what they show of the part."""
-    from rich.console import Group
-
-    from cellwright.engine.formats.interop.results.json_and_csv import results_entry
-    from cellwright.engine.formats.report.measurements import survey_report as surveys
-    from cellwright.engine.formats.report.runs import results_report as report
-    from cellwright.engine.pipelines.execution.run_results import survey_of
-
-    survey_answer = survey_of(store, run)
+    survey_answer = execution.survey_of(store, run)
     run_results, survey = survey_answer.results, survey_answer.survey
-    content = results_entry(run_results) | (
-        {} if survey is None else {"survey": surveys.survey_entry(survey)}
+    content = interop.results_entry(run_results) | (
+        {} if survey is None else {"survey": report.survey_entry(survey)}
     )
-    more = [] if survey is None else ["", surveys.survey_text(survey)]
+    more = [] if survey is None else ["", report.survey_text(survey)]
     subjects = None if history else survey_answer.subjects
     return VerbAnswer(
-        "ok", content, lambda: Group(report.results_text(run_results, subjects), *more)
+        "ok", content, lambda: rich_parts.Group(report.results_text(run_results, subjects), *more)
     )
 
 
 def _write_report(run: str, store: str, output: Path) -> VerbAnswer:
     """The report of an inspection in HTML."""
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.measurements.survey_report import survey_html
-    from cellwright.engine.pipelines.execution.run_results import survey_of
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
-    survey_answer = survey_of(store, run)
+    survey_answer = execution.survey_of(store, run)
     if survey_answer.survey is None:
         hint = "write FILE.json: it has the history of each object"
         raise InvalidInput(
             [Diagnostic(Source(run), "K406", "the run has measured nothing to report", hint)]
         )
-    output.write_text(survey_html(survey_answer.results, survey_answer.survey), "utf-8")
+    output.write_text(report.survey_html(survey_answer.results, survey_answer.survey), "utf-8")
     content = {"file": str(output), "features": len(survey_answer.survey.features)}
-    return VerbAnswer("ok", content, lambda: Text(str(output)))
+    return VerbAnswer("ok", content, lambda: rich_parts.Text(str(output)))
 
 
 def _result_form(output: Path) -> "ResultForm":
-    from cellwright.engine.formats.interop.results import ResultForm as Forms
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
-    form_names = [form.value for form in Forms]
+    form_names = [form.value for form in interop.ResultForm]
     if output.suffix[1:].lower() not in form_names:
         hint = (
             "one of "
@@ -130,16 +115,11 @@ def _result_form(output: Path) -> "ResultForm":
         raise InvalidInput(
             [Diagnostic(Source(str(output)), "K406", "results have no such form", hint)]
         )
-    return Forms(output.suffix[1:].lower())
+    return interop.ResultForm(output.suffix[1:].lower())
 
 
 def _list_runs(store: str) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.text_tables import TextTable
-    from cellwright.engine.pipelines.execution.run_results import runs_in
-
-    journal_runs = runs_in(store)
+    journal_runs = execution.runs_in(store)
     content = {
         "runs": [
             {"run": journal_run.run, "begun": journal_run.begun, **journal_run.document}
@@ -150,5 +130,7 @@ def _list_runs(store: str) -> VerbAnswer:
         (journal_run.run, journal_run.begun, str(journal_run.document.get("target", "")))
         for journal_run in journal_runs
     ]
-    table = TextTable(("run", "begun", "target"), rows)
-    return VerbAnswer("ok", content, lambda: table if rows else Text(f"no runs in {store}"))
+    table = report.TextTable(("run", "begun", "target"), rows)
+    return VerbAnswer(
+        "ok", content, lambda: table if rows else rich_parts.Text(f"no runs in {store}")
+    )

@@ -2,10 +2,14 @@
 
 from typing import Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import Format
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import execution
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 RunName = Annotated[
     str,
@@ -111,18 +115,13 @@ def add_run_command(
 
 def _tell_run(run: str, order: str, text: str, said: str, store: str, form: AnswerForm) -> None:
     def make() -> VerbAnswer:
-        from rich.text import Text
-
-        from cellwright.engine.pipelines.execution.run_socket import REFUSABLE_ORDERS, tell_run
-        from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
-        state = tell_run(run, order, text, store)
+        state = execution.tell_run(run, order, text, store)
         if why := state.get("refused"):
             raise InvalidInput([Diagnostic(Source(run), "K421", f"{order} is refused: {why}")])
-        later = order in REFUSABLE_ORDERS and "refused" not in state
+        later = order in execution.REFUSABLE_ORDERS and "refused" not in state
         reply_text = (
             f"{run} has it; what comes of it is in its journal" if later else f"{run} {said}"
         )
-        return VerbAnswer("ok", {"told": order, **state}, lambda: Text(f"{reply_text}."))
+        return VerbAnswer("ok", {"told": order, **state}, lambda: rich_parts.Text(f"{reply_text}."))
 
     give_answer(make, form)

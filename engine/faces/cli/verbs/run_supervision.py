@@ -3,7 +3,10 @@ socket.
 """
 
 import contextlib
+import json
 import os
+import select
+import signal
 import sys
 import threading
 import time
@@ -12,8 +15,13 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cellwright.engine.faces.cli.output.terminal_console import make_console, say_on_stderr
 from cellwright.engine.faces.cli.process.process_limits import current_watch
 from cellwright.engine.faces.cli.process.progress_line import hushing_progress
+from cellwright.engine.formats import report
+from cellwright.engine.model.run_protocol import OperatorCommand, RecordKind
+from cellwright.engine.pipelines import execution
+from cellwright.kb.diagnostics import escape_controls
 
 if TYPE_CHECKING:
     from cellwright.engine.model.run_protocol import JournalRecord
@@ -37,9 +45,7 @@ class RunSupervision:
         factor: float = 0.0,
         before: "Sequence[JournalRecord]" = (),
     ) -> None:
-        from cellwright.engine.pipelines.execution.run_socket import OrderChannel
-
-        self.channel: OrderChannel = OrderChannel(run, store)
+        self.channel: execution.OrderChannel = execution.OrderChannel(run, store)
         self._events, self._approve, self._run = events, approve, run
         self._state: dict[str, Any] = {"run": run, "phase": "ready", "at_ms": 0}
         self._out: Any = None
@@ -55,8 +61,6 @@ class RunSupervision:
         return [self._follow, self.channel.watch, *self._look]
 
     def __enter__(self) -> "RunSupervision":
-        import signal
-
         self.channel.__enter__()
         self.channel.tells(lambda: self._state)
         if self._events:
@@ -76,14 +80,9 @@ class RunSupervision:
         return self
 
     def _tell(self, order: str) -> None:
-        from cellwright.engine.model.run_protocol import OperatorCommand
-        from cellwright.engine.pipelines.execution import GivenOrder
-
-        self.channel.give(GivenOrder(OperatorCommand(order), "", "terminal"))
+        self.channel.give(execution.GivenOrder(OperatorCommand(order), "", "terminal"))
 
     def __exit__(self, *error: object) -> None:
-        import signal
-
         self._display.close()
         signal.signal(signal.SIGINT, self._before)
         if watch := current_watch():
@@ -93,19 +92,13 @@ class RunSupervision:
         self.channel.__exit__(None, None, None)
 
     def _stop(self) -> None:
-        from cellwright.engine.model.run_protocol import OperatorCommand
-        from cellwright.engine.pipelines.execution import GivenOrder
-
-        self.channel.give(GivenOrder(OperatorCommand.STOP, "", "time limit"))
+        self.channel.give(execution.GivenOrder(OperatorCommand.STOP, "", "time limit"))
 
     def _pressed(self, *_: object) -> None:
         """The first Ctrl-C interrupts, the second stops."""
-        from cellwright.engine.model.run_protocol import OperatorCommand
-        from cellwright.engine.pipelines.execution import GivenOrder
-
         self._presses += 1
         self.channel.give(
-            GivenOrder(
+            execution.GivenOrder(
                 OperatorCommand.INTERRUPT if self._presses == 1 else OperatorCommand.STOP,
                 "",
                 "terminal",
@@ -119,8 +112,6 @@ class RunSupervision:
         )
 
     def _follow(self, record: "JournalRecord") -> None:
-        from cellwright.engine.model.run_protocol import RecordKind
-
         self._state["at_ms"] = record.at_ms
         if record.kind is RecordKind.PHASE:
             self._state["phase"] = record.content["phase"]
@@ -135,10 +126,6 @@ class RunSupervision:
         """Write an event. If nobody reads any more, or the disk is full, the run goes on
         without: its journal has all.
         """
-        import json
-
-        from cellwright.kb.diagnostics import escape_controls
-
         try:
             self._out.write(
                 escape_controls(json.dumps(record.entry(self._run), ensure_ascii=False)) + "\n"
@@ -154,10 +141,6 @@ class RunSupervision:
         """Show the plan, and ask the person at the terminal; without one, somebody else has to
         approve it.
         """
-        from cellwright.engine.faces.cli.output.terminal_console import say_on_stderr
-        from cellwright.engine.model.run_protocol import OperatorCommand
-        from cellwright.engine.pipelines.execution import GivenOrder
-
         for step in record.content["steps"]:
             start, lasts = step.get("start_ms", 0) / 1000, step.get("lasts_ms", 0) / 1000
             say_on_stderr(
@@ -170,7 +153,7 @@ class RunSupervision:
         sys.stderr.flush()
         answer_line = sys.stdin.readline().strip().lower()
         self.channel.give(
-            GivenOrder(
+            execution.GivenOrder(
                 OperatorCommand.APPROVE if answer_line in ("y", "yes") else OperatorCommand.ABORT,
                 "",
                 "terminal",
@@ -184,10 +167,7 @@ Give = Callable[[str], None]  # gives an order by its name
 
 def print_record(record: "JournalRecord") -> None:
     """Print what a record tells, on standard error."""
-    from cellwright.engine.faces.cli.output.terminal_console import say_on_stderr
-    from cellwright.engine.formats.report.runs.run_report import narrate_record
-
-    for line in narrate_record(record):
+    for line in report.narrate_record(record):
         say_on_stderr(f"{line}\n")
 
 
@@ -206,11 +186,8 @@ def watch_records(
         return
     from rich.live import Live
 
-    from cellwright.engine.faces.cli.output.terminal_console import make_console
-    from cellwright.engine.formats.report.runs.run_display import RunDisplay
-
     came = [time.monotonic()]
-    display = RunDisplay(run, passed_ms=lambda: (time.monotonic() - came[0]) * 1000 / factor)
+    display = report.RunDisplay(run, passed_ms=lambda: (time.monotonic() - came[0]) * 1000 / factor)
     for record in before:
         display.take(record)
     live = Live(display, console=make_console(stderr=True), refresh_per_second=FRAMES)
@@ -266,8 +243,6 @@ class TerminalKeys:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
 
     def _read(self) -> None:
-        import select
-
         while not self._over.is_set():
             if select.select([sys.stdin], [], [], 1 / FRAMES)[0]:
                 self._press(sys.stdin.read(1))

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import (
     Command,
@@ -16,8 +18,17 @@ from cellwright.engine.faces.cli.options.shared_options import (
     number_option,
 )
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.output.terminal_console import say_on_stderr
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS, STOPPED, exit_code
 from cellwright.engine.faces.cli.verbs.run_supervision import RunSupervision
+from cellwright.engine.faces.cli.wrong_options import make_misfit
+from cellwright.engine.formats import report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import execution, planning
+from cellwright.engine.pipelines import motion as motion_room
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb import loader
+from cellwright.kb import store as kb_store
 
 if TYPE_CHECKING:
     from cellwright.engine.model.run_protocol import Finish
@@ -142,19 +153,15 @@ def _start_run(
     shown: bool,
     format: AnswerForm,
 ) -> VerbAnswer:
-    from cellwright.engine.pipelines.execution import RunRequest, list_run
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
-    from cellwright.kb.store.default_path import default_store
-
-    problem = problem_of(asked.target, asked.goals, asked.command)
-    store = asked.store or default_store()
+    problem = planning.problem_of(asked.target, asked.goals, asked.command)
+    store = asked.store or kb_store.default_store()
     driver_options = options_of(options) | ({"fault": "; ".join(faults)} if faults else {})
-    wanted = RunRequest(
+    wanted = execution.RunRequest(
         asked.target, asked.goals, asked.command, asked.driver, store, asked.name, asked.seed,
         asked.factor, driver_options,
         asked.approve, asked.motion,
     )  # fmt: skip
-    with list_run(wanted, problem) as entered:
+    with execution.list_run(wanted, problem) as entered:
         return _carried_out(entered, asked, problem, events, shown, format)
 
 
@@ -166,19 +173,15 @@ def _carried_out(
     shown: bool,
     format: AnswerForm,
 ) -> VerbAnswer:
-    from cellwright.engine.pipelines.execution import RunScope, begin_run
     from cellwright.engine.stages.planning import SearchLimits, expansions_within
 
     if shown:
-        from cellwright.engine.faces.cli.output.terminal_console import say_on_stderr
-        from cellwright.engine.formats.report.runs.run_report import narrate_problem
-
-        say_on_stderr("\n".join(narrate_problem(problem)) + "\n")
+        say_on_stderr("\n".join(report.narrate_problem(problem)) + "\n")
     limits = SearchLimits(expansions_within(asked.expansions, None), seed=asked.seed)
     table, scope, paths = None, None, None
     if asked.motion:
         moving = _plan_with_motions(asked, problem, limits, wanted.store)
-        table, scope = moving.run.timetable, RunScope(moving.problem, moving.given_up)
+        table, scope = moving.run.timetable, execution.RunScope(moving.problem, moving.given_up)
         problem = replace(moving.problem, goal=problem.goal, chains=problem.chains)
         _tell_given_up(moving, quiet=events == "-" or format is AnswerForm.JSON)
         if table is None:
@@ -187,7 +190,7 @@ def _carried_out(
     with RunSupervision(
         wanted.run, wanted.store, events, asked.approve, shown, asked.factor
     ) as watch:
-        ending = begin_run(
+        ending = execution.begin_run(
             wanted,
             problem,
             watch.channel,
@@ -202,8 +205,6 @@ def _carried_out(
 
 def _tell_given_up(moving: "MovingRun", quiet: bool) -> None:
     """Say, before anything moves, which goals are given up, and why."""
-    from cellwright.engine.faces.cli.output.terminal_console import say_on_stderr
-
     if moving.given_up and not quiet:
         say_on_stderr(
             "\n".join(
@@ -218,26 +219,19 @@ def _plan_with_motions(
     asked: RunCommandRequest, problem: "Problem", limits: "SearchLimits", store: str
 ) -> "MovingRun":
     """The plan in which every step moves. The poses of measurements are kept in the store."""
-    from functools import partial
-
-    from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
-    from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
-    from cellwright.engine.plugins import geometry_backend
-    from cellwright.kb.loader.cell import cell_of
-
-    cell, plans = cell_of(asked.target), partial(plan_for_objective, limits=limits)
-    return plan_with_poses(problem, cell, geometry_backend(), plans, asked.seed, store).moving
+    cell, plans = loader.cell_of(asked.target), partial(planning.plan_for_objective, limits=limits)
+    return motion_room.plan_with_poses(
+        problem, cell, geometry_backend(), plans, asked.seed, store
+    ).moving
 
 
 def _arm_paths(moving: "MovingRun", seed: int) -> "RunPaths | None":
     """What the arms can do while the run goes on."""
-    from cellwright.engine.pipelines.execution.run_motions import RunPaths, going_home
-
     walk = moving.walk
     if walk is None:
         return None
-    home = going_home(walk.cell, moving.steps)
-    return RunPaths(moving.problem, walk.cell, seed, walk.ways, planned=walk, home=home)
+    home = execution.going_home(walk.cell, moving.steps)
+    return execution.RunPaths(moving.problem, walk.cell, seed, walk.ways, planned=walk, home=home)
 
 
 def options_of(given: Sequence[str]) -> dict[str, str]:
@@ -253,16 +247,10 @@ def options_of(given: Sequence[str]) -> dict[str, str]:
 
 def answer_of(ending: "Finish | Any", store: str, quiet: bool) -> VerbAnswer:
     """What is printed at the end of a run."""
-    from cellwright.engine.formats.report.json_answers import outcome_status
-    from cellwright.engine.formats.report.runs import run_report as report
-    from cellwright.engine.pipelines.execution import Finish
-
-    if not isinstance(ending, Finish):
-        from rich.text import Text
-
-        ending_text = Text(f"No plan: {ending.reason}.")
+    if not isinstance(ending, execution.Finish):
+        ending_text = rich_parts.Text(f"No plan: {ending.reason}.")
         return VerbAnswer(
-            outcome_status(ending),
+            report.outcome_status(ending),
             {"reason": ending.reason},
             lambda: ending_text,
             exit_code(ending),
@@ -312,15 +300,11 @@ def _resume_run(
     watch: bool,
     search: tuple[int | None, int],
 ) -> VerbAnswer:
-    from cellwright.engine.faces.cli.verbs.run_supervision import RunSupervision
-    from cellwright.engine.pipelines.execution import resume_run as go_on
-    from cellwright.engine.pipelines.execution.run_start import follow_run
     from cellwright.engine.stages.planning import SearchLimits, expansions_within
-    from cellwright.kb.store.default_path import default_store
 
-    where = store or default_store()
-    pace, before = follow_run(where, run, factor) if watch else (0.0, ())
+    where = store or kb_store.default_store()
+    pace, before = execution.follow_run(where, run, factor) if watch else (0.0, ())
     with RunSupervision(run, where, events, False, watch, pace, before) as seen:
         limits = SearchLimits(expansions_within(search[0], None), seed=search[1])
-        ending = go_on(where, run, seen.channel, seen.watchers, limits, factor)
+        ending = execution.resume_run(where, run, seen.channel, seen.watchers, limits, factor)
     return answer_of(ending, where, events == "-")

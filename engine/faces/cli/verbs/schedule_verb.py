@@ -5,7 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option, refuse_idle
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Command,
     Expansions,
@@ -17,7 +18,13 @@ from cellwright.engine.faces.cli.options.shared_options import (
 )
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.output.output_files import Output, answer_form
-from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED
+from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED, exit_code
+from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import planning as planning_room
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -114,15 +121,12 @@ class EffortOptions:
 def _schedule_target(
     wanted: ScheduleRequest, form: ScheduleForm, stats: bool, effort: EffortOptions
 ) -> VerbAnswer:
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.interop.shop_files import shop_of
-    from cellwright.engine.pipelines.planning import plan_objective, timetable
     from cellwright.engine.stages.planning import SearchLimits, expansions_within
     from cellwright.engine.stages.scheduling.schedule_limits import ScheduleLimits
 
     with SearchInterruption(effort.seconds) as interrupted:
         limits = ScheduleLimits(effort.work, effort.seed, effort.workers, interrupted)
-        shop = shop_of(Path(wanted.target), wanted.instance)
+        shop = interop.shop_of(Path(wanted.target), wanted.instance)
         if shop is not None:
             _refuse_idle_options(
                 {"--goals": wanted.goals, "--command": wanted.command},
@@ -134,7 +138,7 @@ def _schedule_target(
                 {"--instance": wanted.instance},
                 "here: it chooses one in a file of several job shops",
             )
-            problem, plan = timetable.subject_of(wanted.target, wanted.goals, wanted.command)
+            problem, plan = planning_room.subject_of(wanted.target, wanted.goals, wanted.command)
             if plan is not None:
                 _refuse_idle_options(
                     {"--goals": wanted.goals, "--command": wanted.command},
@@ -143,9 +147,9 @@ def _schedule_target(
             most = expansions_within(effort.expansions, effort.seconds)
             planning = SearchLimits(most, interrupted=interrupted, seed=effort.seed)
             timed_plan = (
-                plan_objective.plan_fastest(problem, planning, limits)
+                planning_room.plan_fastest(problem, planning, limits)
                 if plan is None
-                else timetable.make_timetable(problem, plan, planning, limits)
+                else planning_room.make_timetable(problem, plan, planning, limits)
             )
             answer = _schedule_plan(problem, timed_plan, form, stats)
     return replace(answer, code=INTERRUPTED) if interrupted.heard else answer
@@ -153,8 +157,6 @@ def _schedule_target(
 
 def _refuse_idle_options(options: "Mapping[str, str]", why: str) -> None:
     """Refuse options that would change nothing for this kind of target. Raises `InvalidInput`."""
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-
     if idle := [name for name, option_value in options.items() if option_value]:
         message = f"{idle[0]} has no effect {why}"
         raise InvalidInput([Diagnostic(Source(idle[0]), "K408", message, "leave it out")])
@@ -163,7 +165,6 @@ def _refuse_idle_options(options: "Mapping[str, str]", why: str) -> None:
 def _schedule_shop(
     shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool
 ) -> VerbAnswer:
-    from cellwright.engine.formats.report.plans.schedule_report import ScheduleAnswer
     from cellwright.engine.model.shop_scheduling import ValidSchedule
     from cellwright.engine.stages.scheduling import schedule_shop
 
@@ -171,40 +172,33 @@ def _schedule_shop(
     if not isinstance(shop_schedule, ValidSchedule):
         return _no_schedule(shop_schedule)
     return _schedule_answer(
-        ScheduleAnswer(shop, shop_schedule.schedule, shop_schedule.statistics), form, stats
+        report.ScheduleAnswer(shop, shop_schedule.schedule, shop_schedule.statistics), form, stats
     )
 
 
 def _schedule_plan(
     problem: "Problem", made: "Timetable | Infeasible | GaveUp", form: ScheduleForm, stats: bool
 ) -> VerbAnswer:
-    from cellwright.engine.formats.report.plans.schedule_report import of_plan
     from cellwright.engine.model.shop_scheduling import Timetable
 
     return (
-        _schedule_answer(of_plan(made, problem), form, stats)
+        _schedule_answer(report.of_plan(made, problem), form, stats)
         if isinstance(made, Timetable)
         else _no_schedule(made)
     )
 
 
 def _no_schedule(found: "Infeasible | GaveUp") -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.faces.cli.process.exit_codes import exit_code
-    from cellwright.engine.formats.report.json_answers import outcome_status
-
-    failure_text = Text(f"No schedule: {found.reason}.")
+    failure_text = rich_parts.Text(f"No schedule: {found.reason}.")
     return VerbAnswer(
-        outcome_status(found), {"reason": found.reason}, lambda: failure_text, exit_code(found)
+        report.outcome_status(found),
+        {"reason": found.reason},
+        lambda: failure_text,
+        exit_code(found),
     )
 
 
 def _schedule_answer(made: "ScheduleAnswer", form: ScheduleForm, stats: bool) -> VerbAnswer:
-    from cellwright.engine.formats.report.plans import schedule_report
-
-    raw = schedule_report.schedule_svg(made) if form is ScheduleForm.SVG else None
-    content = schedule_report.schedule_content(made, stats)
-    return VerbAnswer(
-        made.status, content, lambda: schedule_report.schedule_text(made, stats), raw=raw
-    )
+    raw = report.schedule_svg(made) if form is ScheduleForm.SVG else None
+    content = report.schedule_content(made, stats)
+    return VerbAnswer(made.status, content, lambda: report.schedule_text(made, stats), raw=raw)

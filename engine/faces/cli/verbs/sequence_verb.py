@@ -4,12 +4,8 @@ from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cellwright.engine.faces.cli.option_declarations import (
-    Argument,
-    Option,
-    make_misfit,
-    refuse_idle,
-)
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.options.shared_options import (
     Before,
     Lasts,
@@ -20,6 +16,15 @@ from cellwright.engine.faces.cli.options.shared_options import (
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.output.output_files import Output, answer_form
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE, INTERRUPTED
+from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.model.part_measurements import is_shared
+from cellwright.engine.pipelines import inspection, motion, planning
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb import loader
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 
 if TYPE_CHECKING:
     from cellwright.engine.model.outcome import GaveUp, Infeasible
@@ -190,17 +195,12 @@ def _sequence_visits(
     effort: tuple[float | None, int, int],
     form: TourForm,
 ) -> VerbAnswer:
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.interop.visit_files import is_tsplib
-    from cellwright.engine.model.part_measurements import is_shared
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
     from cellwright.engine.stages.sequencing import METHODS, TourLimits
-    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 
     if method not in METHODS:
         hint = nearest_hint(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
         raise InvalidInput([Diagnostic(Source("--method"), "K406", f"no method '{method}'", hint)])
-    if not is_tsplib(target) and is_shared(problem := problem_of(target)):
+    if not interop.is_tsplib(target) and is_shared(problem := planning.problem_of(target)):
         tour_options = {
             "--closed": ends[0],
             "--start": ends[1],
@@ -222,27 +222,20 @@ def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]
     """Tours through measurements by what they cost the arm: by poses alone, or by the times of
     paths that touch nothing.
     """
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.report.measurements import tool_groups
-    from cellwright.engine.model.part_measurements import is_shared
-    from cellwright.engine.pipelines.motion.motion_tours import driven_tours, posed_tours
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
-    from cellwright.engine.plugins import geometry_backend
     from cellwright.engine.stages.sequencing import TourLimits
-    from cellwright.kb.loader.cell import cell_of
 
-    problem, moving = problem_of(target), cost is TravelCost.MOTION
+    problem, moving = planning.problem_of(target), cost is TravelCost.MOTION
     if is_shared(problem):
         refuse_idle({f"--cost {cost}": True}, "where several arms share measurements")
-    toured: Any = driven_tours if moving else posed_tours
-    entry: Any = tool_groups.driven_entry if moving else tool_groups.posed_entry
-    shown: Any = tool_groups.driven_text if moving else tool_groups.posed_text
+    toured: Any = motion.driven_tours if moving else motion.posed_tours
+    entry: Any = report.driven_entry if moving else report.posed_entry
+    shown: Any = report.driven_text if moving else report.posed_text
     with SearchInterruption(effort[0]) as interrupted:
         limits = TourLimits(effort[1], effort[2], interrupted)
-        tours, parts = toured(problem, cell_of(target), geometry_backend(), limits)
+        tours, parts = toured(problem, loader.cell_of(target), geometry_backend(), limits)
     content = {
         "tours": [entry(tour) for tour in tours],
-        "partition": tool_groups.tool_groups_entry(parts),
+        "partition": report.tool_groups_entry(parts),
     }
     return VerbAnswer(
         "found", content, lambda: shown(tours, parts), INTERRUPTED if interrupted.heard else 0
@@ -256,10 +249,9 @@ def _solve_visits(
     wanted: tuple[list[str], list[str], list[str]],
     limits: "TourLimits",
 ) -> "tuple[TourVisits, Tour | Infeasible | GaveUp]":
-    from cellwright.engine.formats.interop.visit_files import visits_of_target
     from cellwright.engine.stages.sequencing import sequence_tour
 
-    tour_visits = visits_of_target(target, *wanted).ending(*ends)
+    tour_visits = interop.visits_of_target(target, *wanted).ending(*ends)
     return tour_visits, sequence_tour(tour_visits.tours, limits, method)
 
 
@@ -269,11 +261,6 @@ def _tour_answer(
     form: TourForm,
     heard: bool,
 ) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.formats.report import json_answers
-    from cellwright.engine.formats.report.drawing import tour_svg
-    from cellwright.engine.formats.report.measurements import tour_report
     from cellwright.engine.model.tour_problem import Tour
 
     if not isinstance(answer, Tour):
@@ -281,23 +268,23 @@ def _tour_answer(
             INTERRUPTED
             if heard
             else INFEASIBLE
-            if json_answers.outcome_status(answer) == "infeasible"
+            if report.outcome_status(answer) == "infeasible"
             else GAVE_UP
         )
         reason = answer.reason
         return VerbAnswer(
-            json_answers.outcome_status(answer),
+            report.outcome_status(answer),
             {"reason": reason},
-            lambda: Text(f"No tour: {reason}."),
+            lambda: rich_parts.Text(f"No tour: {reason}."),
             code,
         )
     return VerbAnswer(
         "optimal" if answer.proved else "found",
-        tour_report.visits_tour_content(answer, found),
-        lambda: tour_report.visits_tour_text(answer, found),
+        report.visits_tour_content(answer, found),
+        lambda: report.visits_tour_text(answer, found),
         INTERRUPTED if heard else 0,
         diagnostics=found.warnings,
-        raw=tour_svg.draw_tour(answer, found.tours) if form is TourForm.SVG else None,
+        raw=report.draw_tour(answer, found.tours) if form is TourForm.SVG else None,
     )
 
 
@@ -310,15 +297,13 @@ def continue_kept_sequence(
     anew: bool,
 ) -> VerbAnswer:
     """The visits that are left. `said` holds the texts of --done, --lost, --bad and --restored."""
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.report.measurements import sequence_progress as report
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of
-    from cellwright.engine.pipelines.planning.decomposition.kept_sequences import carry_on
     from cellwright.engine.stages.sequencing import TourLimits
 
     with SearchInterruption(effort[0]) as interrupted:
         limits = TourLimits(effort[1], effort[2], interrupted)
-        sequence_progress = carry_on(store, problem_of(target), _sequence_news(*said), limits, anew)
+        sequence_progress = planning.carry_on(
+            store, planning.problem_of(target), _sequence_news(*said), limits, anew
+        )
     return VerbAnswer(
         "found" if sequence_progress.plan.rest else "done",
         report.next_entry(sequence_progress)
@@ -336,13 +321,15 @@ def continue_kept_sequence(
 def _sequence_news(
     done: list[str], lost: list[str], bad: list[str], restored: list[str]
 ) -> "SequenceNews":
-    from cellwright.engine.pipelines.inspection.tour_progress import FOUND_BAD, SequenceNews
-
     parted = [bad_text.partition("=") for bad_text in bad]
     reasons = {
-        name: why.strip() or FOUND_BAD for names, _, why in parted for name in _split_names([names])
+        name: why.strip() or inspection.FOUND_BAD
+        for names, _, why in parted
+        for name in _split_names([names])
     }
-    return SequenceNews(_split_names(done), _split_names(lost), reasons, _split_names(restored))
+    return inspection.SequenceNews(
+        _split_names(done), _split_names(lost), reasons, _split_names(restored)
+    )
 
 
 def _split_names(texts: Iterable[str]) -> tuple[str, ...]:
@@ -355,44 +342,41 @@ def shared_by_arms(
     effort: tuple[float | None, int, int],
 ) -> VerbAnswer:
     """Which arm makes which measurements, in which order. Raises `InvalidInput`."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
-    from cellwright.engine.formats.report import json_answers
-    from cellwright.engine.formats.report.measurements import tool_groups, tour_report
-    from cellwright.engine.pipelines.inspection.measurement_points import with_places
-    from cellwright.engine.pipelines.inspection.tour_demands import of_options, require_known_visits
-    from cellwright.engine.pipelines.planning.decomposition import SharedMeasurements, shares_of
     from cellwright.engine.stages.sequencing import TourLimits
 
-    demands, placed = of_options(*wanted), with_places(problem)
+    demands, placed = inspection.of_options(*wanted), inspection.with_places(problem)
     with SearchInterruption(effort[0]) as interrupted:
-        arm_shares = shares_of(placed, demands, TourLimits(effort[1], effort[2], interrupted))
+        arm_shares = planning.shares_of(
+            placed, demands, TourLimits(effort[1], effort[2], interrupted)
+        )
     assert arm_shares is not None
-    if not isinstance(arm_shares, SharedMeasurements):
+    if not isinstance(arm_shares, planning.SharedMeasurements):
         reason, code = (
             arm_shares.reason,
-            INFEASIBLE if json_answers.outcome_status(arm_shares) == "infeasible" else GAVE_UP,
+            INFEASIBLE if report.outcome_status(arm_shares) == "infeasible" else GAVE_UP,
         )
         return VerbAnswer(
-            json_answers.outcome_status(arm_shares),
+            report.outcome_status(arm_shares),
             {"reason": reason},
-            lambda: Text(f"No shares: {reason}."),
+            lambda: rich_parts.Text(f"No shares: {reason}."),
             code,
         )
-    require_known_visits(demands, set(arm_shares.arms))
+    inspection.require_known_visits(demands, set(arm_shares.arms))
     content = {
-        **tour_report.shares_entry(arm_shares),
-        "partition": tool_groups.tool_groups_entry(arm_shares.partition),
+        **report.shares_entry(arm_shares),
+        "partition": report.tool_groups_entry(arm_shares.partition),
     }
-    late = [Text(f"Not all windows can be kept: {arm_shares.unkept}.")] if arm_shares.unkept else []
+    late = (
+        [rich_parts.Text(f"Not all windows can be kept: {arm_shares.unkept}.")]
+        if arm_shares.unkept
+        else []
+    )
     return VerbAnswer(
         "optimal" if arm_shares.shares.makespan <= arm_shares.shares.lower_bound else "found",
         content,
-        lambda: Group(
-            tool_groups.tool_groups_text(arm_shares.partition),
-            tour_report.shares_text(arm_shares),
+        lambda: rich_parts.Group(
+            report.tool_groups_text(arm_shares.partition),
+            report.shares_text(arm_shares),
             *late,
         ),
         INTERRUPTED if interrupted.heard else 0,

@@ -4,13 +4,13 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cellwright.engine.faces.cli.option_declarations import (
-    Argument,
-    Option,
-    make_misfit,
-    refuse_idle,
-)
+from typer import Argument, Option
+
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE
+from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
+from cellwright.engine.formats import interop, report
+from cellwright.engine.formats.report import rich_parts
 
 if TYPE_CHECKING:
     from cellwright.engine.model.task_space import ContactNet
@@ -102,9 +102,6 @@ def show_contact_states(
 
 
 def _firing_sequence(target: str, parts: tuple[str, ...], goals: list[str]) -> VerbAnswer:
-    from rich.text import Text
-
-    from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE
     from cellwright.engine.pipelines import contact_states
 
     model, warnings = contact_states.contact_model_of(target)
@@ -120,32 +117,27 @@ def _firing_sequence(target: str, parts: tuple[str, ...], goals: list[str]) -> V
         status, code = (
             ("infeasible", INFEASIBLE) if firing_search.exhausted else ("gave up", GAVE_UP)
         )
-        return VerbAnswer(status, {"sequence": None}, lambda: Text(refusal_text), code, warnings)
+        return VerbAnswer(
+            status, {"sequence": None}, lambda: rich_parts.Text(refusal_text), code, warnings
+        )
     steps = [str(firing) for firing in firing_search.firings]
     text = (
         "\n".join(f"{n:3} {firing_text}" for n, firing_text in enumerate(steps, 1))
         or "it holds already"
     )
-    return VerbAnswer("found", {"sequence": steps}, lambda: Text(text), 0, warnings)
+    return VerbAnswer("found", {"sequence": steps}, lambda: rich_parts.Text(text), 0, warnings)
 
 
 def _write_domain_files(target: str, output: Path) -> VerbAnswer:
-    from rich.text import Text
-
     from cellwright.engine.pipelines import contact_states
 
     files = [str(written_file) for written_file in contact_states.write_domain(target, output)]
-    return VerbAnswer("ok", {"files": files}, lambda: Text("\n".join(files)))
+    return VerbAnswer("ok", {"files": files}, lambda: rich_parts.Text("\n".join(files)))
 
 
 def _states_answer(
     target: str, full: bool, parts: tuple[str, ...], contacts: bool, brings: str, form: NetForm
 ) -> VerbAnswer:
-    from rich.console import Group
-    from rich.text import Text
-
-    from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP
-    from cellwright.engine.formats.report.cells import net_report as report
     from cellwright.engine.pipelines import contact_states
 
     model, warnings = contact_states.contact_model_of(target)
@@ -161,7 +153,12 @@ def _states_answer(
         content["brings"] = report.brings_entry(part)
         more = report.brought_text(part)
         return VerbAnswer(
-            "ok", content, lambda: Group(report.net_text(contact_net), Text(more)), 0, warnings, raw
+            "ok",
+            content,
+            lambda: rich_parts.Group(report.net_text(contact_net), rich_parts.Text(more)),
+            0,
+            warnings,
+            raw,
         )
     status, code = ("ok", 0) if contact_net.complete else ("gave up", GAVE_UP)
     return VerbAnswer(status, content, lambda: report.net_text(contact_net), code, warnings, raw)
@@ -171,16 +168,10 @@ def _draw_net(found: "ContactNet", form: NetForm, full: bool) -> str | None:
     """The net in a form that is no table; None for tables and JSON."""
     match form:
         case NetForm.DOT:
-            from cellwright.engine.formats.report.drawing import dot_graphs
-
-            return dot_graphs.net_dot(found)
+            return report.net_dot(found)
         case NetForm.SVG:
-            from cellwright.engine.formats.report.drawing import net_svg
-
-            return net_svg.draw_net(found)
+            return report.draw_net(found)
         case NetForm.PNML:
-            from cellwright.engine.formats.interop.pnml import write_contact_net
-
-            return write_contact_net(found, coloured=not full)
+            return interop.write_contact_net(found, coloured=not full)
         case _:
             return None

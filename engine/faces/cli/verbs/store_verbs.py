@@ -4,11 +4,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from cellwright.engine.faces.cli.option_declarations import Argument, Option
 from cellwright.engine.faces.cli.options.shared_options import Format, Library
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
+from cellwright.engine.formats import report
+from cellwright.engine.formats.report import rich_parts
+from cellwright.kb import store as kb_store
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -73,9 +76,7 @@ def migrate(
 
 
 def _check_store(store: str) -> VerbAnswer:
-    from cellwright.kb.store.store_maintenance import check_library
-
-    findings, rows = check_library(store)
+    findings, rows = kb_store.check_library(store)
     status, code = ("damaged", FINDINGS) if findings else ("ok", 0)
     summary_line = "" if findings else "no damage found"
     return VerbAnswer(
@@ -84,9 +85,7 @@ def _check_store(store: str) -> VerbAnswer:
 
 
 def _backup_store(file: Path, store: str) -> VerbAnswer:
-    from cellwright.kb.store.store_maintenance import write_backup
-
-    rows = write_backup(store, file)
+    rows = kb_store.write_backup(store, file)
     return VerbAnswer(
         "ok",
         {"file": str(file), "rows": rows},
@@ -95,24 +94,17 @@ def _backup_store(file: Path, store: str) -> VerbAnswer:
 
 
 def _restore_store(file: Path, store: str, replaces: bool) -> VerbAnswer:
-    from cellwright.kb.store.store_maintenance import restore_backup as restored
-
-    rows = restored(file, store, replaces)
+    rows = kb_store.restore_backup(file, store, replaces)
     return VerbAnswer("ok", {"rows": rows}, lambda: _row_counts(rows, "restored"))
 
 
 def _migrate_store(source: str, store: str) -> VerbAnswer:
-    from cellwright.kb.store.store_maintenance import migrate_library as copied
-
-    rows = copied(source, store)
+    rows = kb_store.migrate_library(source, store)
     return VerbAnswer("ok", {"rows": rows}, lambda: _row_counts(rows, "copied, and checked"))
 
 
 def _row_counts(rows: "Mapping[str, int]", said: str) -> "RenderableType":
-    from rich.console import Group
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.text_tables import TextTable
-
-    table = TextTable(("table", "rows"), [(name, str(count)) for name, count in rows.items()])
-    return Group(table, *([Text(said)] if said else []))
+    table = report.TextTable(
+        ("table", "rows"), [(name, str(count)) for name, count in rows.items()]
+    )
+    return rich_parts.Group(table, *([rich_parts.Text(said)] if said else []))

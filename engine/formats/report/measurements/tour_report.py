@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.formats.report.text_tables import TextTable
 from cellwright.engine.model.answer_wording import count_noun
 from cellwright.engine.model.tour_problem import (
@@ -14,6 +15,7 @@ from cellwright.engine.model.tour_problem import (
     slack_of,
     times_of,
 )
+from cellwright.engine.pipelines import inspection
 from cellwright.engine.pipelines.inspection.tool_tours import TourVisits
 
 if TYPE_CHECKING:
@@ -165,8 +167,6 @@ def visits_tour_content(answer: Tour, tour_visits: TourVisits) -> dict[str, Any]
 
 def visits_tour_text(answer: Tour, tour_visits: TourVisits) -> "RenderableType":
     """The tour through these visits as people read it."""
-    from rich.console import Group
-
     from cellwright.engine.formats.report.measurements import tool_groups
 
     shown = [tour_text(answer, tour_visits.tours)]
@@ -174,16 +174,14 @@ def visits_tour_text(answer: Tour, tour_visits: TourVisits) -> "RenderableType":
         shown.insert(0, tool_groups.tool_groups_text(tour_visits.parts))
     if tour_visits.problem is not None:
         shown += time_text(_visits_time(answer, tour_visits), tour_visits.problem.domain.time_unit)
-    return Group(*shown)
+    return rich_parts.Group(*shown)
 
 
 def _visits_time(answer: Tour, tour_visits: TourVisits) -> int | None:
-    from cellwright.engine.pipelines.inspection.travel_costs import time_between
-
     return (
         None
         if tour_visits.problem is None
-        else time_between(tour_visits.problem, tour_visits.tours, answer.order)
+        else inspection.time_between(tour_visits.problem, tour_visits.tours, answer.order)
     )
 
 

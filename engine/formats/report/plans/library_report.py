@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.formats.report.text_tables import TextTable
 from cellwright.engine.model.answer_wording import count_noun
 from cellwright.kb.model.domain_model import Domain
@@ -197,11 +198,6 @@ def _kept_sequence_entry(kept_sequence: "KeptSequence | None") -> dict[str, Any]
 
 def preparation_text(preparation: "Preparation") -> "RenderableType":
     """What was prepared, as people read it."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.text_tables import TextTable
-
     sequenced = any(problem.sequence for problem in preparation.problems)
     posed, rows = any(problem.poses for problem in preparation.problems), []
     for problem_entry in preparation.problems:
@@ -222,7 +218,7 @@ def preparation_text(preparation: "Preparation") -> "RenderableType":
         last += [_poses_said(problem_entry.poses)] if posed else []
         rows.append((problem_entry.problem, problem_entry.status, origin_text, *last))
     stale = [
-        Text(f"MACROP {n} was stale and is gone: {', '.join(p)} changed")
+        rich_parts.Text(f"MACROP {n} was stale and is gone: {', '.join(p)} changed")
         for n, p in preparation.stale.items()
     ]
     learned = sum(
@@ -233,15 +229,15 @@ def preparation_text(preparation: "Preparation") -> "RenderableType":
     columns = [name for name, shown in (("sequence", sequenced), ("poses", posed)) if shown]
     table = TextTable(("problem", "answer", "", *columns), rows)
     lost = [
-        Text(f"{problem.problem}: {name} is out of reach: {why}")
+        rich_parts.Text(f"{problem.problem}: {name} is out of reach: {why}")
         for problem in preparation.problems
         for name, why in (problem.poses.unreached.items() if problem.poses else ())
     ]
-    return Group(
+    return rich_parts.Group(
         *stale,
         table,
         *lost,
-        Text(
+        rich_parts.Text(
             f"{count_noun(len(preparation.problems), 'problem')}: {learned} learned, "
             f"{known_count} known"
         ),

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.pipelines import planning
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
@@ -59,9 +62,6 @@ def plan_answer_content(plan_answer: PlanAnswer, stats: bool) -> dict[str, Any]:
 
 def plan_answer_text(plan_answer: PlanAnswer, stats: bool, folded: bool) -> "RenderableType":
     """The outcome as people read it; `folded`: the MACROPs in the plan stand for its steps."""
-    from rich.console import Group
-    from rich.text import Text
-
     from cellwright.engine.formats.report.plans import outcome_tables as report
 
     run = plan_answer.run
@@ -77,26 +77,28 @@ def plan_answer_text(plan_answer: PlanAnswer, stats: bool, folded: bool) -> "Ren
 
         parts.append(itinerary_report.itinerary_text(run, plan_answer.problem.domain.time_unit))
     parts += [
-        Text(line) for line in _unmet_times(plan_answer).lines(plan_answer.problem.domain.time_unit)
+        rich_parts.Text(line)
+        for line in _unmet_times(plan_answer).lines(plan_answer.problem.domain.time_unit)
     ]
     if plan_answer.moving is not None:
         from cellwright.engine.formats.report.plans import plan_motions
 
         parts += plan_motions.plan_motions_text(plan_answer.moving)
-    return Group(*parts, *([report.statistics_table(run.outcome.statistics)] if stats else []))
+    return rich_parts.Group(
+        *parts, *([report.statistics_table(run.outcome.statistics)] if stats else [])
+    )
 
 
 def _unmet_times(plan_answer: PlanAnswer) -> "Unmet":
     """What the problem asks of the times of measurements, and the plan does not keep."""
     from cellwright.engine.model.outcome import Found
     from cellwright.engine.model.time_limits import Unmet
-    from cellwright.engine.pipelines.planning.plan_files import unmet_times
     from cellwright.kb.model.plan_model import Claims
 
     outcome, starts = plan_answer.run.outcome, plan_answer.run.starts
     if not isinstance(outcome, Found) or starts is None:
         return Unmet()
-    return unmet_times(plan_answer.problem, outcome.plan, Claims(dict(starts)))
+    return planning.unmet_times(plan_answer.problem, outcome.plan, Claims(dict(starts)))
 
 
 def library_warnings(content: Mapping[str, Any], store: str) -> "tuple[Diagnostic, ...]":

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
+from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.model.motion_values import MovedStep, StepLeg, Unmoved
 
 if TYPE_CHECKING:
@@ -13,25 +14,24 @@ if TYPE_CHECKING:
 
 def plan_motions_text(moving: "MovingRun") -> "list[RenderableType]":
     """A table of the motions, what had none, and the goals that are given up."""
-    from rich.table import Table
-    from rich.text import Text
-
     report_parts: list[RenderableType] = []
     if moving.steps:
-        table = Table(
+        table = rich_parts.Table(
             "step", "at", "motion, with its time (s)", "in all (s)", box=None, pad_edge=False
         )
         for step in moving.steps:
             table.add_row(str(step.step), step.place, _leg_words(step), f"{step.seconds:.1f}")
-        report_parts += [table, Text(_proof_text(moving.steps))]
+        report_parts += [table, rich_parts.Text(_proof_text(moving.steps))]
     if moving.sharing is not None:
-        report_parts += [Text(line) for line in sharing_lines(moving.sharing)]
+        report_parts += [rich_parts.Text(line) for line in sharing_lines(moving.sharing)]
     for refused in moving.refused:
         report_parts.append(
-            Text(f"{refused.operator} was left out: it has no motion, {_refusal_place(refused)}")
+            rich_parts.Text(
+                f"{refused.operator} was left out: it has no motion, {_refusal_place(refused)}"
+            )
         )
     report_parts += [
-        Text(f"{given_up_goal.goal} is given up: {given_up_goal.why}")
+        rich_parts.Text(f"{given_up_goal.goal} is given up: {given_up_goal.why}")
         for given_up_goal in moving.given_up
     ]
     return report_parts

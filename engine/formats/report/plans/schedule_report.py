@@ -3,10 +3,13 @@
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.formats.report.text_tables import TextTable
 from cellwright.engine.model.outcome import Found, Statistics
 from cellwright.engine.model.shop_scheduling import Schedule, Shop, Timetable
 from cellwright.engine.model.time_limits import Unmet
+from cellwright.engine.pipelines import planning
+from cellwright.kb.model.plan_model import Claims
 from cellwright.kb.model.planning_problem import Problem
 
 if TYPE_CHECKING:
@@ -91,10 +94,7 @@ def of_plan(timetable: Timetable, problem: Problem) -> ScheduleAnswer:
     """The schedule of a plan for a problem, with the windows of measurements that it does not
     keep.
     """
-    from cellwright.engine.pipelines.planning.plan_files import unmet_times
-    from cellwright.kb.model.plan_model import Claims
-
-    broken = unmet_times(problem, timetable.plan, Claims(dict(timetable.starts)))
+    broken = planning.unmet_times(problem, timetable.plan, Claims(dict(timetable.starts)))
     return ScheduleAnswer(
         timetable.shop, timetable.schedule, timetable.statistics, timetable, problem, broken
     )
@@ -121,13 +121,12 @@ def schedule_content(schedule_answer: ScheduleAnswer, stats: bool = False) -> di
 def _of_plan(schedule_answer: ScheduleAnswer, table: Timetable, problem: Problem) -> dict[str, Any]:
     from cellwright.engine.formats.report import json_answers
     from cellwright.engine.formats.report.plans.gantt_chart import bottleneck_entry, schedule_entry
-    from cellwright.engine.pipelines.planning.timetable.kept_order import (
-        MAX_SCHEDULED_STEPS,
-        SCOPE_KEPT_ORDER,
-    )
 
     planned = json_answers.outcome_entry(Found(table.plan), problem, starts=table.starts)["plan"]
-    staged = table.scope != SCOPE_KEPT_ORDER or len(table.plan.steps) <= MAX_SCHEDULED_STEPS
+    staged = (
+        table.scope != planning.SCOPE_KEPT_ORDER
+        or len(table.plan.steps) <= planning.MAX_SCHEDULED_STEPS
+    )
     entry = schedule_entry(table.shop, table.schedule, table.scope, staged, table.floor)
     bounded = bottleneck_entry(table)
     return {
@@ -141,9 +140,6 @@ def _of_plan(schedule_answer: ScheduleAnswer, table: Timetable, problem: Problem
 
 def schedule_text(schedule_answer: ScheduleAnswer, stats: bool = False) -> "RenderableType":
     """The schedule as people read it: a table, a chart, and what it does not keep."""
-    from rich.console import Group
-    from rich.text import Text
-
     from cellwright.engine.formats.report.plans import outcome_tables as report
     from cellwright.engine.formats.report.plans.gantt_chart import charted_shop, timetable_chart
 
@@ -159,7 +155,9 @@ def schedule_text(schedule_answer: ScheduleAnswer, stats: bool = False) -> "Rend
         else charted_shop(schedule_answer.shop, schedule_answer.schedule, unit)
     )
     figures = [report.statistics_table(schedule_answer.statistics)] if stats else []
-    return Group(table, "", *parts, *map(Text, schedule_answer.unmet.lines(unit)), *figures)
+    return rich_parts.Group(
+        table, "", *parts, *map(rich_parts.Text, schedule_answer.unmet.lines(unit)), *figures
+    )
 
 
 def schedule_svg(schedule_answer: ScheduleAnswer) -> str:

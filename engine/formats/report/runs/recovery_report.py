@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from cellwright.engine.formats.report import json_answers
+from cellwright.engine.formats.report import json_answers, rich_parts
 from cellwright.engine.formats.report.measurements import sequence_progress
+from cellwright.engine.formats.report.plans import outcome_tables
 from cellwright.engine.formats.report.plans import outcome_tables as outcomes
 from cellwright.engine.model.answer_wording import count_noun, name_with_meaning
 from cellwright.engine.model.outcome import Outcome
@@ -168,11 +169,6 @@ def revision_entry(revision: "PlanRevision", follows: "Follows") -> dict[str, An
 
 def revision_text(revision: "PlanRevision", follows: "Follows") -> "RenderableType":
     """The revision as people read it."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from cellwright.engine.formats.report.plans import outcome_tables
-
     report_lines = [
         f"{revision.way}: {count_noun(len(revision.kept), 'step')} kept, "
         f"{len(revision.dropped)} dropped, {len(revision.added)} added"
@@ -189,7 +185,7 @@ def revision_text(revision: "PlanRevision", follows: "Follows") -> "RenderableTy
     report_lines += given_up_lines(
         (given_up_goal.goal, given_up_goal.why) for given_up_goal in revision.given_up
     )
-    return Group(
+    return rich_parts.Group(
         outcome_tables.outcome_text(revision.outcome, revision.problem),
-        Text("\n".join(report_lines)),
+        rich_parts.Text("\n".join(report_lines)),
     )

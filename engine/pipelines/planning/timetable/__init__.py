@@ -38,6 +38,7 @@ from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.plan_blocks import Unstructured
 from cellwright.engine.stages.scheduling.shop_translation import Wishes
+from cellwright.kb import loader
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.model.planning_problem import Problem
@@ -52,9 +53,7 @@ def subject_of(target: str, goals: str = "", command: str = "") -> tuple[Problem
 
     Raises `InvalidInput`.
     """
-    from cellwright.kb.loader.plan import is_plan  # not needed for tasks in PDDL, and slow to load
-
-    if is_plan(Path(target)):
+    if loader.is_plan(Path(target)):
         return plan_in(Path(target))
     return problem_of(target, goals, command), None
 

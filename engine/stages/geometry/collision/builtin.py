@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats, Longs, Truths
-from cellwright.engine.kernels.geometry.checks import first_contacts
+from cellwright.engine.kernels.geometry.checks import first_contacts, near_pairs, nearest_pairs
 from cellwright.engine.kernels.geometry.layout import Pairs, Pieces
 from cellwright.engine.kernels.linear import matmul
 from cellwright.engine.model.geometry import CollisionScene, Contact, ConvexPiece
@@ -21,6 +21,7 @@ from cellwright.engine.stages.geometry.collision.carrier_poses import (
 )
 from cellwright.engine.stages.geometry.collision.region_checker import (
     POSE_SAMPLES,
+    RegionChecker,
     sample_configurations,
     sort_by_likelihood,
     touchable_pairs,
@@ -141,8 +142,6 @@ class BuiltinChecker:
         """The least signed distance below `beyond_m` (n,), its pair (n,) or -1, and its points
         and normal (n, 9).
         """
-        from cellwright.engine.kernels.geometry.checks import nearest_pairs
-
         n = len(where)
         distance, pair, witness = np.empty(n), np.empty(n, dtype=np.int64), np.empty((n, 9))
 
@@ -156,8 +155,6 @@ class BuiltinChecker:
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""
-        from cellwright.engine.kernels.geometry.checks import near_pairs
-
         pairs = self._pairs.pairs
         distance, witness = np.empty(len(pairs)), np.empty((len(pairs), 9))
         poses = pose_batch(self._scene, batch_of_one(self._scene, where))
@@ -189,8 +186,6 @@ class BuiltinBackend:
         standing = sum(piece.carrier == 0 for piece in scene.pieces)
         if standing <= MAX_STANDING_PAIRWISE:
             return BuiltinChecker(scene)
-        from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
-
         return RegionChecker(scene)
 
 

@@ -20,15 +20,17 @@ from cellwright.engine.stages.geometry.world.collision_scene import free_scene_o
 from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.model.cell_model import WORLD_FRAME, BodyKind
+from cellwright.kb.model.cell_model import BodyKind
 from cellwright.kb.model.contact_model import (
     ConditionKind,
     ContactModel,
     Octuple,
     PermanentContact,
     Quadruple,
+    class_of,
     template_bindings,
 )
+from cellwright.kb.model.domain_model import WORLD_FRAME
 from cellwright.kb.targets import CELL_FILE
 
 TOLERANCE_M = 0.001  # what touches is not yet in the way
@@ -88,8 +90,6 @@ class CollisionOfContacts:
 
     def _candidates(self, lock: Quadruple) -> Iterator[Octuple]:
         """A contact at a lock for each class of objects that has a key for it."""
-        from cellwright.kb.model.contact_model import class_of
-
         seen = set()
         for instance, kind in self.model.objects.items():
             if kind not in seen and instance != lock.instance:

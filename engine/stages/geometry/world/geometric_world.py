@@ -16,7 +16,8 @@ from cellwright.engine.kernels.linear import matmul
 from cellwright.engine.model.geometry import Joints
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel, carrier_poses
-from cellwright.kb.model.cell_model import WORLD_FRAME, Cell, JointKind, Link, Location, Placement
+from cellwright.kb.model.cell_model import Cell, JointKind, Link, Location, Placement
+from cellwright.kb.model.domain_model import WORLD_FRAME
 from cellwright.kb.terms import Atom, Substitution, Variable, match_term, substitute_term
 
 NO_JOINTS = Joints(

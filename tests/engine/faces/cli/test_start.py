@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-HEAVY = ("networkx", "numpy", "ortools", "sqlalchemy", "typer")
+HEAVY = ("networkx", "numpy", "ortools", "sqlalchemy")
 DOMAIN = """
 (define (domain lamps) (:predicates (lamp ?l) (lit ?l))
   (:action switch :parameters (?l) :precondition (and (lamp ?l) (not (lit ?l))) :effect (lit ?l)))
