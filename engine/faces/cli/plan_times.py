@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cellwright.engine.faces.cli.option_declarations import refuse_idle
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.output.plan_forms import PlanForm
 from cellwright.engine.faces.cli.process.exit_codes import GAVE_UP, INFEASIBLE, INTERRUPTED, LIMIT
+from cellwright.engine.faces.cli.wrong_options import refuse_idle
 
 if TYPE_CHECKING:
     from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
