@@ -387,6 +387,9 @@ class ActionSelector:
                 _, proved = cost_of_beginning(self.exact, action, weights, rest, limit, budget)
                 if proved:
                     return action
+        if isinstance(self.exact, BracketSearch):
+            # no expansion was left to prove it: the upper bound, which is the value, begins so
+            return self._followed_bound(self.exact, weights, rest)[0]
         raise AssertionError("no action has the optimal value")
 
     def _followed_bound(

@@ -78,6 +78,16 @@ def test_bounds_hold_however_little_was_searched(problem: Troubleshooting, expan
     assert high >= brute_force(problem) * (1 - 1e-9)
 
 
+def test_a_sure_cause_is_mended_without_any_expansion() -> None:
+    test = Action("look", 1.0, ("yes", "no"), ((0.05,), (0.95,)), frozenset(), None)
+    repair = Action("mend", 2.0, ("yes", "no"), ((0.6,), (0.4,)), frozenset({0}), None)
+    stop = Conclusion("stop", (8.0,))
+    problem = Troubleshooting(("worn",), (1.0,), (test, repair), (stop,), None, 1.0)
+    selector = ActionSelector(problem, 0)
+    advice = selector.advise(selector.start())
+    assert (advice.action, advice.expected_cost) == (1, pytest.approx(5.2))
+
+
 @given(unsure(), st.integers(0, 4))
 @SOME
 def test_going_on_as_advised_costs_no_more_than_the_upper_bound(
