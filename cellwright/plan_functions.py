@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from cellwright.engine.formats import report as reports
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
 from cellwright.engine.pipelines import motion as motion_room
 from cellwright.engine.pipelines import planning
 from cellwright.engine.plugins import geometry_backend
@@ -126,8 +127,8 @@ def plan(
             _planning_limits(over, expansions, strategy, anytime, seed),
         )
         wish, who = (
-            planning.PlanningObjective(objective) if objective else None,
-            planning.SequenceChoice(order),
+            PlanningObjective(objective) if objective else None,
+            SequenceChoice(order),
         )
         if motion:
             moving = plan_motions_of(
