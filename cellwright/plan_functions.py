@@ -132,7 +132,6 @@ def plan(
         )
         if motion:
             moving = plan_motions_of(
-                name_of(target),
                 problem,
                 lambda each: planning.plan_for_objective(each, limits, wish, who),
                 seed,
@@ -159,9 +158,7 @@ def _planning_limits(
     )
 
 
-def plan_motions_of(
-    target: str, problem: "Problem", planned: Any, seed: int, store: str
-) -> "MovingRun":
+def plan_motions_of(problem: "Problem", planned: Any, seed: int, store: str) -> "MovingRun":
     """The plan in which every step moves; `planned` makes the `Run` of a problem."""
 
     def in_time(each: "Problem") -> "Run":
@@ -171,7 +168,7 @@ def plan_motions_of(
         return run
 
     return motion_room.plan_with_poses(
-        problem, loader.cell_of(target), geometry_backend(), in_time, seed, store
+        problem, loader.cell_of_problem(problem), geometry_backend(), in_time, seed, store
     ).moving
 
 

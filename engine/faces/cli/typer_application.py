@@ -118,7 +118,7 @@ def _escaping_messages() -> Iterator[None]:
         raise
 
 
-def _outlines() -> dict[str, TyperCommand]:
+def _outlines() -> dict[str, Any]:
     """The verbs as far as lists of commands show them."""
     return {
         name: TyperCommand(name, short_help=verb.summary, rich_help_panel=heading)

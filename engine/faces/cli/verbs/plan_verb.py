@@ -285,7 +285,6 @@ def _make_plan(
     wish, order = work.objective, work.order
     if work.motion:
         moving = _plan_motions(
-            wanted.target,
             problem,
             work,
             interrupted,
@@ -328,7 +327,6 @@ def _search_limits(
 
 
 def _plan_motions(
-    target: str,
     problem: "Problem",
     work: SearchOptions,
     interrupted: "SearchInterruption",
@@ -347,7 +345,7 @@ def _plan_motions(
 
     backend = geometry_backend()
     posed_plan = motion_room.plan_with_poses(
-        problem, loader.cell_of(target), backend, planned_in_time, work.seed, work.store
+        problem, loader.cell_of_problem(problem), backend, planned_in_time, work.seed, work.store
     )
     return posed_plan.moving
 
