@@ -75,6 +75,8 @@ def _order_gates(gates: Mapping[str, Gate], known: set[str]) -> dict[str, Gate]:
     return ordered
 
 
+# f(G): gate G is faulty. v(W): wire W is 1. raw(G): the function of G gives 1, before it is
+# inverted (out).
 _CIRCUIT_RULES = """
 { f(G) : top(G) }.
 raw(G) :- g(G, and, _), v(I) : in(G, I).
@@ -88,8 +90,6 @@ v(G) :- out(G), not f(G).
 v(G) :- f(G), not out(G).
 faulty(g(G)) :- f(G).
 :~ f(G). [1, G]
-# f(G): gate G is faulty. v(W): wire W is 1. raw(G): the function of G gives 1, before it is
-# inverted (out)
 """
 
 SOLVER_OPTIONS = ("--opt-strategy=usc,oll,disjoint", "--configuration=jumpy", "--sat-prepro=2")
