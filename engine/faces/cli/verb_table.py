@@ -22,7 +22,8 @@ VERBS_FOR: dict[str, dict[str, Verb]] = {
     "Describe a cell": {
         "init": Verb(
             "domain_verbs:init_domain",
-            "Write a small commented domain into FOLDER, with problems, a fault base and a golden plan",
+            "Write a small commented domain into FOLDER, with problems, a fault base and a "
+            "golden plan",
         ),
         "devices": Verb("device_verbs:app", "Look at the devices that a domain can use"),
         "check": Verb("domain_verbs:check_target", "Report all errors in TARGET"),
@@ -41,15 +42,18 @@ VERBS_FOR: dict[str, dict[str, Verb]] = {
     "Plan": {
         "plan": Verb(
             "plan_verb:plan_target",
-            "Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK",
+            "Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL "
+            "problem TASK",
         ),
         "schedule": Verb(
             "schedule_verb:schedule_target",
-            "Print a short schedule for the steps of a plan for TARGET, or for the stages of a shop",
+            "Print a short schedule for the steps of a plan for TARGET, or for the stages of a "
+            "shop",
         ),
         "sequence": Verb(
             "sequence_verb:sequence_visits",
-            "Print the best order found for the visits of TARGET, with a lower bound on the cost of any order",
+            "Print the best order found for the visits of TARGET, with a lower bound on the "
+            "cost of any order",
         ),
         "explain": Verb(
             "plan_review_verbs:explain_target",
@@ -57,7 +61,8 @@ VERBS_FOR: dict[str, dict[str, Verb]] = {
         ),
         "validate": Verb(
             "plan_review_verbs:validate_plan_file",
-            "Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker",
+            "Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the "
+            "independent checker",
         ),
         "revise": Verb(
             "plan_review_verbs:revise_plan_file",
@@ -65,13 +70,15 @@ VERBS_FOR: dict[str, dict[str, Verb]] = {
         ),
         "prepare": Verb(
             "prepare_verb:prepare_target",
-            "Plan every problem of TARGET, sequence its measurements, and fill the store before plans are needed",
+            "Plan every problem of TARGET, sequence its measurements, and fill the store before "
+            "plans are needed",
         ),
     },
     "Carry out": {
         "run": Verb(
             "run_verbs:run_target",
-            "Plan TARGET, carry the plan out, handle what goes wrong, and go on until the goals are reached",
+            "Plan TARGET, carry the plan out, handle what goes wrong, and go on until the goals "
+            "are reached",
         ),
         "resume": Verb("run_verbs:resume_named_run", "Go on with RUN from its journal"),
         "monitor": Verb(
@@ -124,7 +131,8 @@ VERBS_FOR: dict[str, dict[str, Verb]] = {
         "motion": Verb("motion_verbs:app", "Plan motions of an arm"),
         "states": Verb(
             "states_verb:show_contact_states",
-            "Generate the contact states of DOMAIN from its contact model, and the net of the steps between them",
+            "Generate the contact states of DOMAIN from its contact model, and the net of the "
+            "steps between them",
         ),
         "place": Verb(
             "place_verb:place_part_on_base",
@@ -142,13 +150,15 @@ VERBS_FOR: dict[str, dict[str, Verb]] = {
     "Keep and exchange": {
         "store": Verb(
             "store_verbs:app",
-            "Check, back up, restore and move a library, with the closed cases, sequences, poses and journals in it",
+            "Check, back up, restore and move a library, with the closed cases, sequences, "
+            "poses and journals in it",
         ),
         "macros": Verb("macro_verbs:app", "Look at a library of learned MACROPs, and change it"),
         "import": Verb("import_verbs:app", "Make problems from files of other systems"),
         "export": Verb(
             "export_verb:export_target",
-            "Write TARGET as domain.pddl and problem.pddl, so that any PDDL planner can solve it, PLAN as a behaviour tree, or points",
+            "Write TARGET as domain.pddl and problem.pddl, so that any PDDL planner can solve "
+            "it, PLAN as a behaviour tree, or points",
         ),
     },
 }
