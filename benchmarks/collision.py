@@ -30,12 +30,12 @@ from rich.console import Console
 from rich.table import Table
 from ur5_cells import KINDS, Task, tasks
 
+from benchmarks.reference_distances import signed_distance
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.geometry import CollisionScene
 from cellwright.engine.ports import CollisionChecker, GeometryBackend
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
-from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
 from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
 from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
 

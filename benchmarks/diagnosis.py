@@ -30,6 +30,11 @@ from rich.console import Console
 from rich.table import Table
 from troubles import isolation, uncertain, unsure, with_setup
 
+from benchmarks.circuit_diagnosis import (
+    diagnose_circuit,
+    diagnosis_program,
+    read_bench,
+)
 from cellwright.engine.model.troubleshooting import (
     Action,
     CaseAdvice,
@@ -40,11 +45,6 @@ from cellwright.engine.model.troubleshooting import (
 )
 from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
 from cellwright.engine.stages.diagnosis.case_session import QUESTION, CaseSession, run_session
-from cellwright.engine.stages.diagnosis.circuit_diagnosis import (
-    diagnose_circuit,
-    diagnosis_program,
-    read_bench,
-)
 from cellwright.engine.stages.diagnosis.fault_problems import open_case
 from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld, cost_under, draw_cause
 from cellwright.kb.asp.model_search import best_models

@@ -27,22 +27,23 @@ from typing import Any
 import numpy as np
 import yaml
 
-from cellwright.domains.bulkhead.points import points
-from cellwright.engine.model.motion_values import MovedStep
-from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.shop_scheduling import Timetable
-from cellwright.engine.pipelines.motion.arm_conflicts import ArmEncounters
-from cellwright.engine.pipelines.motion.arm_passing import PassingPlan, kept_apart, moments_of
-from cellwright.engine.pipelines.motion.delay_rehearsal import (
+from benchmarks.delay_rehearsal import (
     NO_LOOKS,
     DelayRehearsal,
     delayed_begins,
 )
+from cellwright.domains.bulkhead.points import points
+from cellwright.engine.model.motion_values import MovedStep
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.planning_choices import SequenceChoice
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines.motion.arm_conflicts import ArmEncounters
+from cellwright.engine.pipelines.motion.arm_passing import PassingPlan, kept_apart, moments_of
 from cellwright.engine.pipelines.motion.moving_plan import MovingRun, plan_moving
 from cellwright.engine.pipelines.motion.plan_walk import PlanWalk
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
-from cellwright.engine.pipelines.planning.plan_objective import SequenceChoice, plan_for_objective
+from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
 from cellwright.engine.pipelines.planning.timetable import make_timetable
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry import transforms

@@ -206,7 +206,7 @@ def pegs(number: int, first: int) -> Figures:
 
     Needs the extra `mujoco`.
     """
-    from cellwright.engine.pipelines.manipulation.peg_insertion import RoundPeg, simulate_insertion
+    from benchmarks.peg_insertion import RoundPeg, simulate_insertion
 
     peg, counts, forces = RoundPeg(), Counter[str](), []
     times: dict[str, list[float]] = {HoleSearch.SPIRAL.value: [], HoleSearch.TILT.value: []}

@@ -275,7 +275,7 @@ def image(
     from cellwright.engine.pipelines.motion.measured_surface import measured_surface
 
     problem = load(target)
-    where = loader.cell_of(problem.path)
+    where = loader.cell_of_problem(problem)
     read = None if given is None else lambda tool: interop.read_ranges(Path(given), tool)
     seeing = motion_room.ImageRequest(expected_mm * 1e-3, seed, read=read)
     surface = measured_surface(problem, where, geometry_backend(), measurement, seeing)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from cellwright.engine.formats import report as reports
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
 from cellwright.engine.pipelines import motion as motion_room
 from cellwright.engine.pipelines import planning
 from cellwright.engine.plugins import geometry_backend
@@ -126,12 +127,11 @@ def plan(
             _planning_limits(over, expansions, strategy, anytime, seed),
         )
         wish, who = (
-            planning.PlanningObjective(objective) if objective else None,
-            planning.SequenceChoice(order),
+            PlanningObjective(objective) if objective else None,
+            SequenceChoice(order),
         )
         if motion:
             moving = plan_motions_of(
-                name_of(target),
                 problem,
                 lambda each: planning.plan_for_objective(each, limits, wish, who),
                 seed,
@@ -157,9 +157,7 @@ def _planning_limits(
     return SearchLimits(most, interrupted=over, thorough=thorough, strategy=strategy, seed=seed)
 
 
-def plan_motions_of(
-    target: str, problem: "Problem", planned: Any, seed: int, store: str
-) -> "MovingRun":
+def plan_motions_of(problem: "Problem", planned: Any, seed: int, store: str) -> "MovingRun":
     """The plan in which every step moves; `planned` makes the `Run` of a problem."""
 
     def in_time(each: "Problem") -> "Run":
@@ -169,7 +167,7 @@ def plan_motions_of(
         return run
 
     return motion_room.plan_with_poses(
-        problem, loader.cell_of(target), geometry_backend(), in_time, seed, store
+        problem, loader.cell_of_problem(problem), geometry_backend(), in_time, seed, store
     ).moving
 
 

@@ -129,10 +129,9 @@ def _begin_run(
     watch: Watch | None,
     limits: "SearchLimits",
 ) -> "Finish | Outcome":
-    table = scope = None
+    table, scope, as_read = None, None, problem
     if motion:
         moving = plan_motions_of(
-            wanted.target,
             problem,
             lambda each: planning.plan_for_objective(each, limits),
             wanted.seed,
@@ -145,7 +144,7 @@ def _begin_run(
     with execution.OrderChannel(wanted.run, wanted.store) as channel:
         watchers = [channel.watch, *([watch] if watch else [])]
         return execution.begin_run(
-            wanted, problem, channel, watchers, limits, table=table, scope=scope
+            wanted, problem, channel, watchers, limits, table=table, scope=scope, as_read=as_read
         )
 
 

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from cellwright.kb.loader.calibration_file import calibration_text as calibration_text
     from cellwright.kb.loader.calibration_file import load_calibration as load_calibration
     from cellwright.kb.loader.cell import cell_of as cell_of
+    from cellwright.kb.loader.cell import cell_of_problem as cell_of_problem
     from cellwright.kb.loader.cell import load_cell as load_cell
     from cellwright.kb.loader.contacts import load_contacts as load_contacts
     from cellwright.kb.loader.device_uses import all_devices as all_devices
@@ -40,6 +41,7 @@ else:
             ),
             ".cell": (
                 "cell_of",
+                "cell_of_problem",
                 "load_cell",
             ),
             ".contacts": ("load_contacts",),

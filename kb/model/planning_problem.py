@@ -29,6 +29,10 @@ class Chain:
     where: Source = field(default=NOWHERE, compare=False)
     wanted: bool = True
 
+    def wait_only_for(self, names: Container[str]) -> "Chain":
+        """The same chain, which waits no more for chains that are not among `names`."""
+        return replace(self, after=tuple(name for name in self.after if name in names))
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:

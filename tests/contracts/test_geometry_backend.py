@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.reference_distances import signed_distance
 from cellwright.engine import plugins
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.geometry import CollisionScene
 from cellwright.engine.ports import GeometryBackend
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
 from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
 from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
 from cellwright.engine.stages.geometry.world.collision_scene import (

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
+from benchmarks.program_replay import replay_program
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
 from cellwright.engine.pipelines.planning import plan_objective
@@ -20,7 +21,6 @@ from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_driver import (
     PhysicalCell,
     mujoco_simulator,
 )
-from cellwright.engine.pipelines.simulators.mujoco_replay.program_replay import replay_program
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.ports import DriverSetup
 from cellwright.engine.stages.diagnosis.fault_problems import CURED

@@ -5,9 +5,7 @@ import pytest
 
 from cellwright.engine.stages.grasping.hole_insertion import HoleSearch, Insertion, InsertionPhase
 
-inserting = pytest.importorskip(
-    "cellwright.engine.pipelines.manipulation.peg_insertion", exc_type=ImportError
-)
+inserting = pytest.importorskip("benchmarks.peg_insertion", exc_type=ImportError)
 
 
 @pytest.mark.parametrize("away", [0.0, 0.0004, 0.0012])

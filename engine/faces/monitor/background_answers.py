@@ -116,7 +116,8 @@ def further_motions(
 def _retracing_of(
     store: str, run: str, target: Target
 ) -> tuple[RunFollower, Retracing, list[TakenStep]]:
-    problem, cell = planning.problem_of(*target), loader.cell_of(target[0])
+    problem = planning.problem_of(*target)
+    cell = loader.cell_of_problem(problem)
     return RunFollower(store, run), Retracing.of(problem, cell, geometry_backend()), []
 
 

@@ -208,11 +208,7 @@ class RunScope:
     def cut(self, lengths: Mapping[str, int], goals: Collection[str]) -> "RunScope":
         """The scope with chains of so many stages, and with those of its goals that are named."""
         chains = tuple(
-            replace(
-                chain,
-                stages=chain.stages[: lengths[chain.name]],
-                after=tuple(name for name in chain.after if name in lengths),
-            )
+            replace(chain, stages=chain.stages[: lengths[chain.name]]).wait_only_for(lengths)
             for chain in self.problem.chains
             if lengths.get(chain.name)
         )

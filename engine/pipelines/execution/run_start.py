@@ -220,12 +220,14 @@ def begin_run(
     table: Timetable | None = None,
     scope: RunScope | None = None,
     paths: "RunPaths | None" = None,
+    as_read: Problem | None = None,
 ) -> Finish | Outcome:
     """Run a problem to its end under a name that `named` has given; why there is no plan, if there
     is none.
 
     `outcome` is a plan that is known already, `table` one with its starts; `scope` says for which
-    of the goals. With `paths`, each step is looked at before it is sent, and has to move. Raises
+    of the goals. With `paths`, each step is looked at before it is sent, and has to move. `as_read`
+    is the problem as its files have it; they are read again if it is not given. Raises
     `InvalidInput`.
     """
     scope = scope or RunScope(problem)
@@ -246,9 +248,8 @@ def begin_run(
         run_driver = make_driver(request.driver, setup)
         try:
             recorder = Recorder(JournalLedger(journal, run), run_driver.now_ms, watchers)
-            more = added_knowledge(
-                _read_problem(request.target, request.goals, request.command), problem
-            )
+            as_read = as_read or _read_problem(request.target, request.goals, request.command)
+            more = added_knowledge(as_read, problem)
             recorder.note(RecordKind.RUN, **run_document(request, problem), **more)
             execution = RunExecution(
                 run, problem, run_driver, recorder, orders, base, limits, paths=paths

@@ -37,11 +37,7 @@ if TYPE_CHECKING:
     from cellwright.engine.pipelines.planning.plan_files import claimed_in as claimed_in
     from cellwright.engine.pipelines.planning.plan_files import unmet_times as unmet_times
     from cellwright.engine.pipelines.planning.plan_gate import PlanGate as PlanGate
-    from cellwright.engine.pipelines.planning.plan_objective import (
-        PlanningObjective as PlanningObjective,
-    )
     from cellwright.engine.pipelines.planning.plan_objective import Run as Run
-    from cellwright.engine.pipelines.planning.plan_objective import SequenceChoice as SequenceChoice
     from cellwright.engine.pipelines.planning.plan_objective import plan_fastest as plan_fastest
     from cellwright.engine.pipelines.planning.plan_objective import (
         plan_for_objective as plan_for_objective,
@@ -87,9 +83,7 @@ else:
             ),
             ".plan_gate": ("PlanGate",),
             ".plan_objective": (
-                "PlanningObjective",
                 "Run",
-                "SequenceChoice",
                 "plan_fastest",
                 "plan_for_objective",
             ),

@@ -147,11 +147,7 @@ class _Search:
         lengths = {part.chain.name: part.stages for part in parts if part.chain is not None}
         whole = {c.name for c in problem.chains if lengths.get(c.name) == len(c.stages)}
         chains = tuple(
-            replace(
-                chain,
-                stages=chain.stages[: lengths[chain.name]],
-                after=tuple(name for name in chain.after if name in whole),
-            )
+            replace(chain, stages=chain.stages[: lengths[chain.name]]).wait_only_for(whole)
             for chain in problem.chains
             if chain.name in lengths
         )
@@ -387,10 +383,7 @@ def _split_goals(
         given_up += _given_up_stages(chain, cut, lost)
         chains += [replace(chain, stages=chain.stages[:cut])] if cut else []
     whole = {chain.name for chain in chains if chain in problem.chains}
-    chains = [
-        replace(chain, after=tuple(name for name in chain.after if name in whole))
-        for chain in chains
-    ]
+    chains = [chain.wait_only_for(whole) for chain in chains]
     return kept_conditions, tuple(chains), tuple(given_up)
 
 

@@ -3,17 +3,14 @@
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
 from cellwright.kb import store as kb_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from cellwright.engine.pipelines.planning.macros import LibraryPlanner
-    from cellwright.engine.pipelines.planning.plan_objective import (
-        PlanningObjective,
-        Run,
-        SequenceChoice,
-    )
+    from cellwright.engine.pipelines.planning.plan_objective import Run
     from cellwright.engine.stages.planning import SearchLimits
     from cellwright.kb.model.planning_problem import Problem
 
@@ -46,7 +43,7 @@ def plan_with_library(
                 }
             }
     with _in_use(store, problem, limits, stays) as practice:
-        if order is plan_objective.SequenceChoice.SEQUENCE:
+        if order is SequenceChoice.SEQUENCE:
             memory = practice.repertoire(problem.domain) if practice.learns else None
             followed = plan_objective.plan_sequence(problem, limits, memory, store)
             if followed is not None:
@@ -75,7 +72,7 @@ def plan_with_library(
         problem,
         answer.outcome,
         limits,
-        plan_objective.PlanningObjective.COST if parts else objective_wanted,
+        PlanningObjective.COST if parts else objective_wanted,
     )
     return run, {"source": {**entry, "parts": parts} if parts else entry}
 

@@ -7,12 +7,12 @@ the one that costs least, and the one whose steps take least time.
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from cellwright.engine.model.part_measurements import is_put_in_order
+from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
 from cellwright.engine.pipelines.planning.checked_plan import (
     in_named_order,
     plan_and_ground,
@@ -32,20 +32,6 @@ FEW = 12  # objects of a workflow, for which a plan is made first as well
 MAX_PROVED_INSTANCES = (
     500  # instances of operators of a problem whose sequence the planner may prove to be cheapest
 )
-
-
-class PlanningObjective(StrEnum):
-    """What a plan should have least of: cost, or makespan and then cost."""
-
-    COST = "cost"
-    MAKESPAN = "makespan"
-
-
-class SequenceChoice(StrEnum):
-    """Who decides the order of measurements: the sequencer, or the planner alone."""
-
-    SEQUENCE = "sequence"
-    FREE = "free"
 
 
 @dataclass(frozen=True, slots=True)

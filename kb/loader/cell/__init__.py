@@ -41,6 +41,7 @@ from cellwright.kb.model.cell_model import (
     Zone,
 )
 from cellwright.kb.model.domain_model import WORLD_FRAME
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.targets import CELL_FILE, DOMAIN_FILE
 
 
@@ -54,7 +55,16 @@ def load_cell(path: Path) -> Cell:
 
 def cell_of(target: str) -> Cell:
     """The cell beside the domain of a target. Raises `InvalidInput`."""
-    path = domain_of(target).with_name(CELL_FILE)
+    return _load_cell_beside(domain_of(target))
+
+
+def cell_of_problem(problem: Problem) -> Cell:
+    """The cell beside the domain of a problem from a file. Raises `InvalidInput`."""
+    return _load_cell_beside(Path(problem.domain.path))
+
+
+def _load_cell_beside(domain: Path) -> Cell:
+    path = domain.with_name(CELL_FILE)
     if not path.is_file():
         hint = f"describe the cell in a {CELL_FILE} beside the domain"
         raise InvalidInput(

@@ -163,7 +163,7 @@ Cluster = Annotated[
     ),
 ]
 Jobs = Annotated[
-    int, Option(min=0, help="number_option of processes; 0 means as many as there are processors")
+    int, Option(min=0, help="number of processes; 0 means as many as there are processors")
 ]
 Windows = Annotated[
     list[str] | None,

@@ -29,7 +29,8 @@ def film_of_plan(
     """The film of the plan of TARGET."""
     from cellwright.engine.stages.planning import SearchLimits
 
-    problem, cell = planning.problem_of(target), loader.cell_of(target)
+    problem = planning.problem_of(target)
+    cell = loader.cell_of_problem(problem)
     posed_plan = motion.plan_with_poses(
         problem,
         cell,

@@ -1,7 +1,6 @@
 """The verb `plan`: a plan for a target, as a table, as data, as a picture or for PDDL planners."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,6 +31,7 @@ from cellwright.engine.faces.cli.process.search_interruption import SearchInterr
 from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 from cellwright.engine.formats import interop, report
 from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
 from cellwright.engine.pipelines import inspection, planning
 from cellwright.engine.pipelines import motion as motion_room
 from cellwright.engine.plugins import geometry_backend
@@ -79,34 +79,18 @@ def _ipc_plan(made: "PlanAnswer", task: "PddlProblem | None") -> str | None:
     return interop.write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
 
 
-class PlanObjective(StrEnum):
-    """What a plan should have least of."""
-
-    COST = "cost"
-    MAKESPAN = "makespan"
-
-
 Objective = Annotated[
-    PlanObjective | None,
+    PlanningObjective | None,
     Option(
         "--objective",
-        help="what the plan_target should have least of; without it makespan, then cost, where "
+        help="what the plan should have least of; without it makespan, then cost, where "
         "steps take time, else cost",
     ),
 ]
 Folded = Annotated[
     bool,
-    Option(
-        "--folded", help="with --store: print the MACROPs in the plan_target instead of its steps"
-    ),
+    Option("--folded", help="with --store: print the MACROPs in the plan instead of its steps"),
 ]
-
-
-class MeasurementOrdering(StrEnum):
-    """Who decides the order of measurements."""
-
-    SEQUENCE = "sequence"
-    FREE = "free"
 
 
 Motion = Annotated[
@@ -115,7 +99,7 @@ Motion = Annotated[
 ]
 
 Order = Annotated[
-    MeasurementOrdering | None,
+    SequenceChoice | None,
     Option(
         "--order",
         help="who orders measurements: the sequencer, or the planner alone (free); without it "
@@ -164,7 +148,7 @@ def plan_target(
     searching["--strategy"] = strategy != "auto"
     planner_strategy, wish = (
         "race" if race else strategy,
-        objective or (PlanObjective.COST if strategy == "shortest" else None),
+        objective or (PlanningObjective.COST if strategy == "shortest" else None),
     )
     ordered = _choose_ordering(order, searching)
     work = SearchOptions(
@@ -198,7 +182,7 @@ def _give_timed(
         "--race": work.strategy == "race",
         "--strategy": work.strategy not in ("auto", "race"),
         "--store": work.store,
-        "--objective cost": work.objective is PlanObjective.COST,
+        "--objective cost": work.objective is PlanningObjective.COST,
     }
     wanted = TimedRequest(
         Path(domain), problem, work.seconds, work.expansions, work.anytime, work.seed
@@ -207,14 +191,12 @@ def _give_timed(
 
 
 def _choose_ordering(
-    given: MeasurementOrdering | None, searching: "Mapping[str, object]"
-) -> MeasurementOrdering:
+    given: SequenceChoice | None, searching: "Mapping[str, object]"
+) -> SequenceChoice:
     """Who orders measurements. Options that ask the planner to search leave the order to it."""
-    if given is MeasurementOrdering.SEQUENCE:
+    if given is SequenceChoice.SEQUENCE:
         refuse_idle(searching, "with --order sequence: the planner seeks no order then")
-    return given or (
-        MeasurementOrdering.FREE if any(searching.values()) else MeasurementOrdering.SEQUENCE
-    )
+    return given or (SequenceChoice.FREE if any(searching.values()) else SequenceChoice.SEQUENCE)
 
 
 def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool) -> None:
@@ -269,8 +251,8 @@ class SearchOptions:
     anytime: bool = False
     store: str = ""
     folded: bool = False
-    objective: "PlanObjective | None" = None
-    order: MeasurementOrdering = MeasurementOrdering.SEQUENCE
+    objective: "PlanningObjective | None" = None
+    order: SequenceChoice = SequenceChoice.SEQUENCE
     motion: bool = False
 
 
@@ -323,11 +305,9 @@ def _make_plan(
     """The plan, with the motions of its steps if they are asked for."""
     problem = task.problem if task else _wanted_problem(wanted)
     limits = _search_limits(work, interrupted, problem.domain, task is not None)
-    wish = planning.PlanningObjective(work.objective.value) if work.objective else None
-    order = planning.SequenceChoice(work.order.value)
+    wish, order = work.objective, work.order
     if work.motion:
         moving = _plan_motions(
-            wanted.target,
             problem,
             work,
             interrupted,
@@ -371,7 +351,6 @@ def _search_limits(
 
 
 def _plan_motions(
-    target: str,
     problem: "Problem",
     work: SearchOptions,
     interrupted: "SearchInterruption",
@@ -390,7 +369,7 @@ def _plan_motions(
 
     backend = geometry_backend()
     posed_plan = motion_room.plan_with_poses(
-        problem, loader.cell_of(target), backend, planned_in_time, work.seed, work.store
+        problem, loader.cell_of_problem(problem), backend, planned_in_time, work.seed, work.store
     )
     return posed_plan.moving
 

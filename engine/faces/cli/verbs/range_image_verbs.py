@@ -366,7 +366,9 @@ def _image_answer(
         true,
         None if given is None else lambda tool: interop.read_ranges(given, tool),
     )
-    surface = measured_surface(problem, loader.cell_of(target), geometry_backend(), name, seeing)
+    surface = measured_surface(
+        problem, loader.cell_of_problem(problem), geometry_backend(), name, seeing
+    )
     if isinstance(surface, Vague):
         refusal_reason = surface.reason
         return VerbAnswer(

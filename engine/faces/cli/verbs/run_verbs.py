@@ -177,6 +177,7 @@ def _carried_out(
 
     if shown:
         say_on_stderr("\n".join(report.narrate_problem(problem)) + "\n")
+    as_read = problem
     limits = SearchLimits(expansions_within(asked.expansions, None), seed=asked.seed)
     table, scope, paths = None, None, None
     if asked.motion:
@@ -199,6 +200,7 @@ def _carried_out(
             table=table,
             scope=scope,
             paths=paths,
+            as_read=as_read,
         )
     return answer_of(ending, wanted.store, events == "-")
 
@@ -219,7 +221,10 @@ def _plan_with_motions(
     asked: RunCommandRequest, problem: "Problem", limits: "SearchLimits", store: str
 ) -> "MovingRun":
     """The plan in which every step moves. The poses of measurements are kept in the store."""
-    cell, plans = loader.cell_of(asked.target), partial(planning.plan_for_objective, limits=limits)
+    cell, plans = (
+        loader.cell_of_problem(problem),
+        partial(planning.plan_for_objective, limits=limits),
+    )
     return motion_room.plan_with_poses(
         problem, cell, geometry_backend(), plans, asked.seed, store
     ).moving

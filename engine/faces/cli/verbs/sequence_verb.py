@@ -232,7 +232,7 @@ def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]
     shown: Any = report.driven_text if moving else report.posed_text
     with SearchInterruption(effort[0]) as interrupted:
         limits = TourLimits(effort[1], effort[2], interrupted)
-        tours, parts = toured(problem, loader.cell_of(target), geometry_backend(), limits)
+        tours, parts = toured(problem, loader.cell_of_problem(problem), geometry_backend(), limits)
     content = {
         "tours": [entry(tour) for tour in tours],
         "partition": report.tool_groups_entry(parts),

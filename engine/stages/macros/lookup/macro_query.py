@@ -77,7 +77,7 @@ def make_query(problem: Problem, situation: Situation) -> MacroQuery | None:
         Literal(stage): None for name, own in lasts.items() if name in done for stage in own
     }
     chains = tuple(
-        replace(chain, after=tuple(name for name in chain.after if name not in done))
+        chain.wait_only_for(set(chain.after).difference(done))
         for chain in problem.chains
         if chain.name not in done
     )

@@ -19,8 +19,8 @@ from cellwright.engine.authoring.starter import create_domain
 from cellwright.engine.faces.cli import app
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.process import progress_line
-from cellwright.engine.faces.cli.typer_application import OPTIONS_FOR, VERBS_FOR, first_sentence
-from cellwright.engine.faces.cli.verb_table import VERBS
+from cellwright.engine.faces.cli.typer_application import OPTIONS_FOR, first_sentence
+from cellwright.engine.faces.cli.verb_table import VERBS, VERBS_FOR
 from tests.places import TOP
 
 PROGRAM = typer.main.get_command(app)
@@ -87,6 +87,21 @@ def test_arguments_stand_in_capitals() -> None:
 def test_a_list_of_commands_tells_one_sentence_of_each() -> None:
     assert first_sentence("Go on with RUN: ask the driver.\nAnd more.") == "Go on with RUN"
     assert first_sentence("Write a.yaml; then stop.") == "Write a.yaml"
+
+
+def test_the_table_of_verbs_says_what_the_help_of_each_verb_says() -> None:
+    for name, verb in VERBS.items():
+        command = PROGRAM.commands[name]  # type: ignore[attr-defined]
+        assert verb.summary == first_sentence(command.help or "")
+
+
+def test_the_page_of_all_verbs_loads_none_of_them() -> None:
+    code = "import atexit, sys; from cellwright.engine.faces.cli import main"
+    code += "; atexit.register(lambda: print(*sys.modules, file=sys.stderr)); main()"
+    ran = subprocess.run(
+        [sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=True
+    )
+    assert not [name for name in ran.stderr.split() if ".verbs." in name]
 
 
 def test_what_is_said_of_getting_less_is_an_option_of_that_command() -> None:

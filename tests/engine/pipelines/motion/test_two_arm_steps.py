@@ -10,18 +10,19 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from benchmarks.delay_rehearsal import DelayRehearsal, delayed_begins
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.motion_values import LegKind
 from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.planning_choices import SequenceChoice
 from cellwright.engine.pipelines.motion.arm_conflicts import ArmEncounters
 from cellwright.engine.pipelines.motion.arm_conflicts import find_meetings as found_meetings
 from cellwright.engine.pipelines.motion.arm_passing import moments_of
-from cellwright.engine.pipelines.motion.delay_rehearsal import DelayRehearsal, delayed_begins
 from cellwright.engine.pipelines.motion.moving_plan import MovingRun, plan_moving
 from cellwright.engine.pipelines.motion.plan_walk import PlanWalk
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
-from cellwright.engine.pipelines.planning.plan_objective import SequenceChoice, plan_for_objective
+from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry.world.geometric_world import (
     GeometricWorld,

@@ -12,15 +12,12 @@ from cellwright.engine.formats.report.plans.itinerary_report import itinerary_en
 from cellwright.engine.formats.report.plans.itinerary_report import itinerary_text as shown
 from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.model.part_measurements import goal_measurements
+from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.planning.decomposition import by_sequence
 from cellwright.engine.pipelines.planning.decomposition.measurement_order import order_of
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
-from cellwright.engine.pipelines.planning.plan_objective import (
-    PlanningObjective,
-    SequenceChoice,
-    plan_for_objective,
-)
+from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
 from cellwright.kb.loader import find_target, load
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Term

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from cellwright.engine.model.planning_choices import SequenceChoice
 from cellwright.engine.pipelines.planning.library_plans import plan_with_library
 from cellwright.engine.pipelines.planning.macros import library_planner as module
 from cellwright.engine.pipelines.planning.macros.library_planner import (
     close_libraries,
     open_planner,
 )
-from cellwright.engine.pipelines.planning.plan_objective import SequenceChoice
 from cellwright.engine.stages.lifted import cell_domain
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.validation import operator_semantics

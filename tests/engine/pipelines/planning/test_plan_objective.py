@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 from cellwright.engine.faces.cli import app
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.model.plan_times import plan_makespan
+from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
 from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.pipelines.planning import checked_plan, plan_objective
 from cellwright.engine.pipelines.planning import makespan_plans as makespans
-from cellwright.engine.pipelines.planning.plan_objective import PlanningObjective, SequenceChoice
 from cellwright.engine.pipelines.planning.timetable import make_timetable
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.scheduling import check_schedule

@@ -15,6 +15,7 @@ from rich.console import Console
 from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer, plan_answer_content
 from cellwright.engine.formats.report.plans.plan_answer import plan_answer_text as shown
 from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.planning_choices import SequenceChoice
 from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
 from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.model.tour_problem import Tour, TourProblem, Visit, tour_violations
@@ -22,7 +23,6 @@ from cellwright.engine.pipelines.inspection.tour_demands import as_facts, of_opt
 from cellwright.engine.pipelines.planning.plan_files import unmet_times
 from cellwright.engine.pipelines.planning.plan_objective import (
     Run,
-    SequenceChoice,
     plan_fastest,
     plan_for_objective,
 )

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.troubleshooting import AND, OR, XOR, Circuit, Gate
-from cellwright.engine.stages.diagnosis.circuit_diagnosis import (
+from benchmarks.circuit_diagnosis import (
     BenchError,
     diagnose_circuit,
     read_bench,
     top_level,
 )
+from cellwright.engine.model.troubleshooting import AND, OR, XOR, Circuit, Gate
 
 C17 = """# six gates
 INPUT(1)

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.reference_distances import signed_distance
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.geometry.distance import Separations
 from cellwright.engine.kernels.geometry.room import Room
 from cellwright.engine.kernels.geometry.segments import segment_block_gap, segment_gap
 from cellwright.engine.kernels.rigid import rotation
 from cellwright.engine.model.geometry import ConvexPiece
-from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
 from cellwright.engine.stages.geometry.shapes.convex_pieces import pack_pieces
 from cellwright.engine.stages.geometry.shapes.hulls import FlatError, hull_planes, hull_triangles
 

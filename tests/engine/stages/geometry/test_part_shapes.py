@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.reference_distances import signed_distance
 from cellwright.engine.kernels.arrays import Floats, Longs
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
 from cellwright.engine.stages.geometry.shapes import meshes
 from cellwright.engine.stages.geometry.shapes.hulls import hull_planes, hull_triangles
 from cellwright.engine.stages.geometry.shapes.meshes import TriangleMesh, mesh_components, read_mesh

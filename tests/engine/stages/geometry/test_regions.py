@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.reference_distances import signed_distance
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.geometry import ConvexPiece
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend, BuiltinChecker
-from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
 from cellwright.engine.stages.geometry.collision.region_checker import (
     POSE_SAMPLES,
     RegionChecker,
