@@ -67,6 +67,10 @@ PROVED_WORDS = {
         "shortest for these steps, also with other arms or machines; "
         "another choice of steps may be shorter"
     ),
+    "of all schedules of these objects on their shortest ways, with any machine, arm and place": (
+        "shortest for these ways of the objects, with any machine, arm and place; "
+        "longer ways may take less time"
+    ),
     "of all schedules of the blocks of this plan": (
         "shortest for these steps, each errand in one piece; other steps may be shorter"
     ),
