@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+pytest.importorskip("unified_planning")
+
 from cellwright.engine.formats.interop.up.state_space_proofs import check_every_order
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.planning import checked_plan
