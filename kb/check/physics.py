@@ -73,7 +73,7 @@ def _without_arm(domain: Domain) -> Iterator[Diagnostic]:
             held = [_held(one) for one in group if one is not each]
             common = frozenset.intersection(*held) if held else frozenset()
             own = _held(each)
-            if (lacking := common - own) and own <= common and not _holds_device(each, name):
+            if (lacking := common - own) and not own and not _holds_device(each, name):
                 what = ", ".join(sorted(lacking))
                 said = (
                     f"{each.header} moves {name} and does not hold {what}; all other steps of "
