@@ -73,7 +73,7 @@ def _without_arm(domain: Domain) -> Iterator[Diagnostic]:
             held = [_held(one) for one in group if one is not each]
             common = frozenset.intersection(*held) if held else frozenset()
             own = _held(each)
-            if (lacking := common - own) and not own and not _holds_device(each, name):
+            if (lacking := common - own) and own <= common and not _holds_device(each, name):
                 what = ", ".join(sorted(lacking))
                 said = (
                     f"{each.header} moves {name} and does not hold {what}; all other steps of "
@@ -103,7 +103,10 @@ def _held(operator: Operator) -> frozenset[str]:
 
 
 def _holds_device(operator: Operator, name: str) -> bool:
-    return name in _held(operator)
+    """Whether a step holds the device that it commands, by name or as what its stream is of."""
+    stream = operator.command.stream if operator.command is not None else None
+    parts = stream.arguments if isinstance(stream, Function) else ()
+    return name in _held(operator) or any(part in operator.resources for part in parts)
 
 
 def _overruled_replies(domain: Domain) -> Iterator[Diagnostic]:
