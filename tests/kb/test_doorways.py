@@ -50,12 +50,20 @@ def loaded_names(room: ModuleType) -> dict[str, str]:
     }
 
 
+EXTRAS = ("coal", "distributed", "mujoco", "nicegui", "unified_planning")
+
+
 @pytest.mark.parametrize("name", doorways())
 def test_a_doorway_loads_what_type_checkers_read(name: str) -> None:
     room = import_module(name)
     assert loaded_names(room) == typed_names(room)
     for exported, module in loaded_names(room).items():
-        assert getattr(room, exported) is getattr(import_module(module), exported)
+        try:
+            loaded = import_module(module)
+        except ModuleNotFoundError as missing:
+            assert missing.name in EXTRAS, missing
+            continue
+        assert getattr(room, exported) is getattr(loaded, exported)
 
 
 def test_an_unknown_name_is_an_attribute_error_that_names_the_room() -> None:

@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+pytest.importorskip("unified_planning")
+
 from cellwright.engine.formats.interop.up.state_space_proofs import prove_optimum
 from cellwright.engine.kernels.bits import Bits, bitset
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask, progress_state
