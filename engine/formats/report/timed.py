@@ -67,7 +67,7 @@ def text(outcome: PlannedInTime | NoPlanInTime, named: Naming, stats: bool) -> R
 def _proof(outcome: PlannedInTime) -> str:
     """What is proved about the makespan, over all plans."""
     if outcome.optimal:
-        return ", proved to be the least of all plans"
+        return ", the shortest possible"
     return f"; no plan takes less than {decimals(outcome.bound)}"
 
 
