@@ -24,7 +24,9 @@ COMMAND_TIMEOUT_S = 120  # that an order may take
 LENS_VERBS = {f"cellwright.{verb}": verb for verb in ("plan", "run", "explain", "check")}
 """For each command, which is also the title of a lens, the verb of the command line."""
 _HEAD_LINE = re.compile(r"^(problem|domain)[ \t]*:", re.MULTILINE)
-_COMMAND_LINE = "from cellwright.engine.faces.cli.editor_buffers import run_with_buffers; run_with_buffers()"
+_COMMAND_LINE = (
+    "from cellwright.engine.faces.cli.editor_buffers import run_with_buffers; run_with_buffers()"
+)
 
 
 def code_lenses(desk: OpenFiles, asked: types.CodeLensParams) -> list[types.CodeLens]:

@@ -18,6 +18,7 @@ from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAns
 from cellwright.engine.faces.cli.process.exit_codes import BAD_INPUT, GAVE_UP, INTERRUPTED, LIMIT
 from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
 from cellwright.engine.formats import report
+from cellwright.kb.diagnostics import Diagnostic, Source
 
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.jobs import WorkCrew
@@ -28,7 +29,6 @@ UNITS = (  # what planning a problem needs, also what is loaded only when it is 
     "cellwright.engine.stages.planning.forward",
     "cellwright.kb.asp.rule_compiler",
     "cellwright.kb.asp.trial_grounding",
-    "cellwright.kb.loader.problem_file",
     "cellwright.kb.loader.domain_file",
     "cellwright.kb.loader.loading",
     "cellwright.kb.loader.problem_file",
@@ -89,6 +89,10 @@ def _prepare_problems(
     diagnostics = tuple(
         dict.fromkeys(d for problem in preparation.problems for d in problem.diagnostics)
     )
+    if code == LIMIT:
+        message = "the time was over before all problems were planned"
+        over = Diagnostic(Source("--time-limit"), "K420", message, "give more seconds")
+        diagnostics = (*diagnostics, over)
     return VerbAnswer(
         "ok" if not code else "incomplete",
         report.preparation_content(preparation),
