@@ -1,5 +1,5 @@
-"""The search between bounds behind the interface of the exact searches: for outcomes that are
-not sure.
+"""Test selection where outcomes are uncertain: a search between lower and upper bounds
+(`kernels.bracket`) with the interface of the exact searches.
 """
 
 import math

@@ -1,4 +1,6 @@
-"""The instants of a plan: what each reads and changes, and which of them exclude each other."""
+"""The starts and ends of the steps of a plan with times: what each reads and changes, and which
+exclude each other.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""A plan in time, happening by happening."""
+"""Carries out a plan with times, one instant after another, and collects what is wrong."""
 
 import itertools
 from collections.abc import Iterator
