@@ -6,7 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from cellwright.engine.stages.instants.meaning import Bindings, Moments, NoValue, numbers_in
+from cellwright.engine.stages.instants.condition_values import (
+    Bindings,
+    Moments,
+    NoValue,
+    numbers_in,
+)
 from cellwright.kb.model.conditions import Literal
 from cellwright.kb.model.durative import (
     DurativeAction,

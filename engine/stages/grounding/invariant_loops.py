@@ -2,7 +2,7 @@
 """The inner loops of invariant synthesis (`mutex_invariants`): which operators keep at most one
 atom of a group true.
 
-Plain Python, compiled with the types in `conserving.pxd`.
+Plain Python, compiled with the types in `invariant_loops.pxd`.
 """
 
 from collections.abc import Sequence

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from cellwright.engine.stages.instants.acts import ADDITIVE, Act, Instant, instant_of, timed_instant
 from cellwright.engine.stages.instants.breaches import Breach, decimal
-from cellwright.engine.stages.instants.meaning import Moments, NoValue
+from cellwright.engine.stages.instants.condition_values import Moments, NoValue
 from cellwright.kb.model.durative import Moment, TemporalProblem, TimedChange, TimedPlan, TimedStep
 from cellwright.kb.terms import Atom, Function
 
