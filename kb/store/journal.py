@@ -1,5 +1,5 @@
-"""Journals of runs, in the same database as the MACROPs: what was appended is on the disk when
-`append` returns.
+"""Journals of runs in the database of the MACROPs: what was appended is on disk when `append`
+returns.
 
 A journal is only appended to. Its lines count from 1 without gaps, and each carries a digest that
 depends on all lines before it (`cellwright.kb.store.journal_chain`). The last number and digest are
