@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from cellwright.engine.pipelines.planning.target_files import load_target as load_target
     from cellwright.engine.pipelines.planning.timetable import make_timetable as make_timetable
     from cellwright.engine.pipelines.planning.timetable import subject_of as subject_of
+    from cellwright.engine.pipelines.planning.timetable.flowing import by_flow as by_flow
     from cellwright.engine.pipelines.planning.timetable.kept_order import (
         MAX_SCHEDULED_STEPS as MAX_SCHEDULED_STEPS,
     )
@@ -95,6 +96,7 @@ else:
                 "make_timetable",
                 "subject_of",
             ),
+            ".timetable.flowing": ("by_flow",),
             ".timetable.kept_order": (
                 "MAX_SCHEDULED_STEPS",
                 "SCOPE_KEPT_ORDER",
