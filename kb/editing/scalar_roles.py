@@ -246,7 +246,10 @@ CELL_SHAPE = ScalarShape(
         "operations": mapping_of(
             Role.STEP,
             ScalarShape(
-                keys={"at": TERM, "drags": TERM, "drives": TERM, "with": TERM, "carries": TERM}
+                keys={
+                    "at": ScalarShape(Role.TERMS, "named", items=TERM),
+                    **dict.fromkeys(("drags", "drives", "with", "carries"), TERM),
+                }
             ),
         ),
         "measuring": mapping_of(Role.THING, ScalarShape(keys={"touches": list_of(THING)})),
