@@ -24,6 +24,7 @@ and store them in the drawer again
 demo: $(VENV)/ready
 	$(BIN)/cellwright plan themse --command "$(SENTENCE)"
 	$(BIN)/cellwright plan bulkhead/twelve_points --stats
+	$(BIN)/cellwright plan screening/day8
 	$(BIN)/cellwright run themse --command "$(SENTENCE)" --fault "pick#3=not_gripped" --watch --store .venv/demo.db
 
 # Python keeps what it has read of the tests, whatever the shell says: the next run starts sooner.
