@@ -16,14 +16,14 @@ NO_TIMES: Mapping[int, int] = {}
 class DifferenceBound:
     """Point `later` comes at most `most` after point `earlier`; a negative `most` sets the order.
 
-    `says` is what it stands for, in words. Bounds that are not `soft` are never relaxed.
+    `says` is what it stands for, in words. Only bounds that are `relaxable` may give way.
     """
 
     earlier: int
     later: int
     most: int
     says: str = field(default="", compare=False)
-    soft: bool = False
+    relaxable: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,14 +119,16 @@ class WaitBound:
 
 @dataclass(frozen=True, slots=True)
 class DispatchableNetwork:
-    """All that a policy has to look at: who keeps to these bounds and waits, one point after
-    another, never comes to a dead end (Morris 2014).
+    """All that a policy has to look at (Morris 2014).
+
+    `bounds` say how long after points each other point comes at least; `order` lists the points so
+    that each bound leads forward. Who lets each point happen as soon as these bounds and the waits
+    allow keeps all bounds of the network.
     """
 
-    points: tuple[str, ...]
+    order: tuple[int, ...]
     bounds: tuple[DifferenceBound, ...]
     waits: tuple[WaitBound, ...]
-    links: tuple[UncertainLink, ...]
 
 
 @dataclass(frozen=True, slots=True)

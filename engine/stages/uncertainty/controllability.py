@@ -4,10 +4,12 @@ from cellwright.engine.model.uncertain_times import (
     Controllable,
     CycleEdge,
     DerivedBound,
+    DispatchableNetwork,
     EdgeKind,
     NegativeCycle,
     UncertainNetwork,
 )
+from cellwright.engine.stages.uncertainty.dispatchable_form import dispatchable_form
 from cellwright.engine.stages.uncertainty.kernels import BypassSearch
 
 NOTHING = -1  # in the arrays of the search
@@ -18,12 +20,22 @@ def check_controllability(network: UncertainNetwork) -> Controllable | NegativeC
 
     Whoever acts may act at the very moment when a link ends. The cycle passes `replay_cycle`.
     """
-    search = BypassSearch(
+    search = _search_of(network)
+    return Controllable() if search.run() else _CycleReading(search).cycle()
+
+
+def find_policy(network: UncertainNetwork) -> DispatchableNetwork | NegativeCycle:
+    """A policy that keeps all bounds, however long the links take, or why there is none."""
+    search = _search_of(network)
+    return dispatchable_form(network, search) if search.run() else _CycleReading(search).cycle()
+
+
+def _search_of(network: UncertainNetwork) -> BypassSearch:
+    return BypassSearch(
         len(network.points),
         [(bound.earlier, bound.later, bound.most) for bound in network.bounds],
         [(link.start, link.end, link.least, link.most) for link in network.links],
     )
-    return Controllable() if search.run() else _CycleReading(search).cycle()
 
 
 class _CycleReading:

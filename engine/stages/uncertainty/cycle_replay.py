@@ -93,7 +93,7 @@ class _CycleReplay:
     def _edges(self, path: Sequence[CycleEdge]) -> tuple[list[WeightedEdge], str]:
         """The edges of a path, and whether there is a gap."""
         edges = [self._edge(edge) for edge in path]
-        gaps = zip(edges, edges[1:], strict=False)
+        gaps = itertools.pairwise(edges)
         return edges, "" if all(one[1] == other[0] for one, other in gaps) else "there is a gap"
 
     def _edge(self, edge: CycleEdge) -> WeightedEdge:
