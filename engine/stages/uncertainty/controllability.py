@@ -10,7 +10,7 @@ from cellwright.engine.model.uncertain_times import (
     UncertainNetwork,
 )
 from cellwright.engine.stages.uncertainty.dispatchable_form import dispatchable_form
-from cellwright.engine.stages.uncertainty.kernels import BypassSearch
+from cellwright.engine.stages.uncertainty.bypass_search import BypassSearch
 
 NOTHING = -1  # in the arrays of the search
 
