@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,15 +18,19 @@ class StartRule:
     ends: Mapping[int, int] = field(default_factory=dict)
     waits: Mapping[int, int] = field(default_factory=dict)
 
-    def scaled(self, factor: float) -> "StartRule":
-        """The same in another unit, of which each old one has so many."""
+    def scaled(self, factor: Fraction, begin: int = 0) -> "StartRule":
+        """The same in another unit, of which each old one has so many, when all begins later."""
 
         def times(lags: Mapping[int, int]) -> dict[int, int]:
             return {step: int(lag * factor) for step, lag in lags.items()}
 
         return StartRule(
-            int(self.floor * factor), times(self.starts), times(self.ends), times(self.waits)
+            begin + int(self.floor * factor),
+            times(self.starts),
+            times(self.ends),
+            times(self.waits),
         )
 
 
 StartRules = Mapping[int, StartRule]  # for each step, in an order in which they can be worked out
+NO_RULES: StartRules = {}

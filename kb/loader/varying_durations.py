@@ -1,4 +1,4 @@
-"""Durations that nobody decides: `duration: {from: 60 s, to: 90 s}`, `{usual: 70 s, spread: 5 s}`."""
+"""Durations that nobody decides: `{from: 60 s, to: 90 s}`, `{usual: 70 s, spread: 5 s}`."""
 
 from collections.abc import Iterator
 
