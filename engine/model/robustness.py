@@ -54,8 +54,8 @@ class RobustPlan:
     is none, `rules` is empty, `cycle` says in words what does not go together and `lacks` by how
     much time; `widened` is the least sum of changes of windows after which there is a policy,
     `narrowed` are the ranges within which `narrowed_rules` keep all windows: durations stay in them
-    with the chance `within`. `chances` are those of windows if the plan is executed as it is,
-    `kept` that all are kept; with a policy both are certain.
+    with the chance `within`. `chances` are those of windows if the plan is executed without a
+    policy, `kept` that all are kept.
     """
 
     varying: int

@@ -34,6 +34,9 @@ def _policy_lines(robust: RobustPlan, unit: str) -> Iterator[str]:
         f"Robust: with {steps} of uncertain duration, a policy with {waiting} keeps {windows} "
         f"whatever happens. All has ended after {robust.worst_end} {unit} at the latest."
     )
+    if robust.chances and robust.kept < 1.0:
+        kept = _percent(robust.kept)
+        yield f"Without the policy, all windows are kept with a chance of {kept}."
     for note in robust.notes:
         yield f"For this, {note}."
 
@@ -74,10 +77,11 @@ def robustness_entry(robust: RobustPlan) -> dict[str, Any]:
         "robust": robust.is_robust,
         "uncertain_steps": robust.varying,
         "windows": [chance.entry() for chance in robust.chances],
+        "kept_without_policy": round(robust.kept, 4),
     }
     if robust.is_robust:
         return entry | {"latest_end": robust.worst_end, "policy": rules_entry(robust.rules)}
-    entry |= {"cycle": list(robust.cycle), "lacks": robust.lacks, "kept": round(robust.kept, 4)}
+    entry |= {"cycle": list(robust.cycle), "lacks": robust.lacks}
     if robust.widened is not None:
         entry["widen"] = [window.entry() for window in robust.widened]
     if robust.narrowed is not None:

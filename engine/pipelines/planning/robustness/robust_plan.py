@@ -64,9 +64,12 @@ def judge_robustness(
     policy = find_policy(made.network)
     if isinstance(policy, DispatchableNetwork):
         rules = rules_of(made, made.network, policy)
-        certain = tuple(replace(chance, chance=1.0) for chance in chances)
         return RobustPlan(
-            len(made.varying), rules, chances=certain, worst_end=_latest_end(made, rules)
+            len(made.varying),
+            rules,
+            chances=chances,
+            kept=kept,
+            worst_end=_latest_end(made, rules),
         )
     lines, lacks = cycle_lines(made, policy)
     return _with_relaxations(
