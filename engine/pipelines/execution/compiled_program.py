@@ -92,8 +92,9 @@ def compile_plan(
             rests=number in rests,
             process=process,
             rule=rules[number].scaled(unit, begin_ms) if number in rules else None,
-            **_longest_times(activity, longest.get(step.id), unit),
         )
+        if step.id in longest:
+            activities[number] = _with_longest(activities[number], int(longest[step.id] * unit))
     dwells = tuple(
         dict.fromkeys(
             Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms, s.thing, s.place)
@@ -117,13 +118,10 @@ def _longest_durations(problem: Problem, steps: Sequence[Step]) -> dict[StepId, 
     }
 
 
-def _longest_times(activity: Activity, longest: int | None, unit: Fraction) -> dict[str, int]:
-    """How long an activity may last in milliseconds, and when it counts as failed then."""
-    if longest is None:
-        return {}
-    longest_ms = int(longest * unit)
+def _with_longest(activity: Activity, longest_ms: int) -> Activity:
+    """An activity that may last so long, and counts as failed some time after that."""
     late_ms = TIMEOUT_FACTOR * max(longest_ms, activity.lasts_ms) + GRACE_MS
-    return {"longest_ms": longest_ms, "timeout_ms": late_ms}
+    return replace(activity, longest_ms=longest_ms, timeout_ms=late_ms)
 
 
 def _known_plan(plan: Plan) -> Plan:

@@ -85,22 +85,23 @@ def standing_of(
         for r in program.activities[command_underway.activity].resources
     }
     dwelling = _dwell_ends(program, ends or {}, begun)
+    begun_ms, ended_ms = _past_times(program, ends or {}, underway)
     return ExecutiveState(
         phase, now_ms, number, frozenset(ready), partly, underway, busy, heads, ahead, {}, unrested,
-        False, dwelling, done=len(finished), **_past_times(program, ends or {}, underway),
+        False, dwelling, done=len(finished), begun_ms=begun_ms, ended_ms=ended_ms,
     )  # fmt: skip
 
 
 def _past_times(
     program: ActivityProgram, ends: Mapping[int, int], running: Mapping[int, Running]
-) -> dict[str, dict[int, int]]:
+) -> tuple[dict[int, int], dict[int, int]]:
     """When activities have begun and ended, for a program that follows a policy. One that has ended
     counts as begun no sooner: whatever waits for it then rather begins later.
     """
     if not program.follows_rules:
-        return {}
+        return {}, {}
     since = {under_way.activity: under_way.since_ms for under_way in running.values()}
-    return {"begun_ms": {**ends, **since}, "ended_ms": dict(ends)}
+    return {**ends, **since}, dict(ends)
 
 
 def _dwell_ends(

@@ -4,7 +4,7 @@ The plan keeps its steps, and the order in which they hold resources. If it has 
 steps are scheduled once more with their longest durations: that order may have one.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from math import log
 
@@ -36,6 +36,7 @@ from cellwright.engine.stages.uncertainty.least_relaxation import (
 from cellwright.engine.stages.uncertainty.window_chances import (
     DrawnDuration,
     TimedRuns,
+    Times,
     draw_runs,
 )
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput
@@ -220,11 +221,12 @@ def _window_chances(made: PlanNetwork, rules: StartRules) -> tuple[tuple[WindowC
     return tuple(chances), 1.0 if in_all is None else float(in_all.mean())
 
 
-def _time_at(made: PlanNetwork, runs: TimedRuns, point: int) -> "Sequence[float]":
+def _time_at(made: PlanNetwork, runs: TimedRuns, point: int) -> Times:
     """The times of a point in all runs."""
     steps = made.plan.steps
     if point == ORIGIN:
-        return next(iter(runs.starts.values())) * 0
+        beginning: Times = next(iter(runs.starts.values())) * 0
+        return beginning
     number = int(steps[(point - 1) // 2].id)
     return runs.starts[number] if point % 2 else runs.ends[number]
 
