@@ -70,6 +70,7 @@ class RobustPlan:
     kept: float = 1.0
     worst_end: int = 0  # when all has ended at the latest, with the policy
     notes: tuple[str, ...] = ()
+    learned: tuple[str, ...] = ()  # what ranges were learned from, in words
 
     @property
     def is_robust(self) -> bool:

@@ -1,6 +1,6 @@
 """The verb `plan`: a plan for a target, as a table, as data, as a picture or for PDDL planners."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +10,7 @@ from cellwright.engine.faces.cli.options.shared_options import (
     Anytime,
     Before,
     Command,
+    DurationsFrom,
     Expansions,
     Goals,
     Lasts,
@@ -32,7 +33,7 @@ from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 from cellwright.engine.formats import interop, report
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
-from cellwright.engine.pipelines import inspection, planning
+from cellwright.engine.pipelines import execution, inspection, planning
 from cellwright.engine.pipelines import motion as motion_room
 from cellwright.engine.plugins import geometry_backend
 from cellwright.kb import loader
@@ -141,6 +142,7 @@ def plan_target(
     folded: Folded = False,
     motion: Motion = False,
     robust: Robust = False,
+    durations_from: DurationsFrom = "",
     window: Windows = None,
     lasts: Lasts = None,
     before: Before = None,
@@ -153,6 +155,8 @@ def plan_target(
     )
     _refuse_misfits(plan_request, pddl, strategy if race else "auto", motion)
     _refuse_unrobust(robust, pddl, motion, objective)
+    if durations_from and not robust:
+        raise make_misfit("--durations-from needs --robust: only ranges are learned")
     kind = answer_form(output, format, PlanForm.TEXT)
     _refuse_unseen(PlanForm.TEXT if output else kind, stats, folded, store)
     searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
@@ -174,6 +178,7 @@ def plan_target(
         ordered,
         motion,
         robust,
+        durations_from,
     )
     if plan_request.pddl is not None:
         _give_timed(plan_request.target, plan_request.pddl, work, (kind, stats, output))
@@ -279,6 +284,7 @@ class SearchOptions:
     order: SequenceChoice = SequenceChoice.SEQUENCE
     motion: bool = False
     robust: bool = False
+    durations_from: str = ""
 
 
 def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
@@ -335,6 +341,8 @@ def _make_plan(
 ) -> "PlanAnswer":
     """The plan, with the motions of its steps if they are asked for."""
     problem = task.problem if task else _wanted_problem(wanted)
+    learned = execution.learn_durations(work.durations_from, problem) if work.durations_from else ()
+    problem = execution.with_learned_durations(problem, learned) if learned else problem
     limits = _search_limits(work, interrupted, problem.domain, task is not None)
     wish, order = work.objective, work.order
     if work.motion:
@@ -349,6 +357,8 @@ def _make_plan(
     if not work.robust:
         return report.PlanAnswer(run, problem, origin)
     run, robust = planning.make_robust(problem, run)
+    if robust is not None:
+        robust = replace(robust, learned=tuple(each.text for each in learned))
     return report.PlanAnswer(run, problem, origin, robust=robust)
 
 

@@ -10,6 +10,7 @@ from typer import Argument, Option
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import (
     Command,
+    DurationsFrom,
     Expansions,
     Format,
     Goals,
@@ -128,6 +129,7 @@ def run_target(
     watch: Watch = False,
     motion: Motion = False,
     robust: Robust = False,
+    durations_from: DurationsFrom = "",
     expansions: Expansions = None,
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
@@ -148,7 +150,10 @@ def run_target(
         expansions,
         motion,
         robust,
+        durations_from,
     )
+    if durations_from and not robust:
+        raise make_misfit("--durations-from needs --robust: only ranges are learned")
     if robust and motion:
         raise make_misfit("--robust and --motion: motions last as long as they are computed to")
     if events == "-" and format is AnswerForm.JSON:
@@ -172,6 +177,7 @@ class RunCommandRequest:
     expansions: int | None
     motion: bool
     robust: bool = False
+    durations_from: str = ""
 
 
 def _start_run(
@@ -210,6 +216,9 @@ def _carried_out(
     limits = SearchLimits(expansions_within(asked.expansions, None), seed=asked.seed)
     table, scope, paths, rules = None, None, None, NO_RULES
     if asked.robust:
+        if asked.durations_from:
+            learned = execution.learn_durations(asked.durations_from, problem)
+            problem = execution.with_learned_durations(problem, learned)
         run, rules = _plan_with_policy(asked.target, problem, limits)
         table = run.timetable
         if not isinstance(run.outcome, Found):

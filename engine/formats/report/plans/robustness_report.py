@@ -10,6 +10,9 @@ MAX_LINES = 12  # windows, or parts of a cycle, that are named
 
 def robustness_lines(robust: RobustPlan, unit: str) -> Iterator[str]:
     """The answer for people."""
+    if robust.learned:
+        yield "Ranges learned from journals:"
+        yield from _listed(robust.learned)
     if robust.is_robust:
         yield from _policy_lines(robust, unit)
         return
@@ -79,6 +82,7 @@ def robustness_entry(robust: RobustPlan) -> dict[str, Any]:
         "windows": [chance.entry() for chance in robust.chances],
         "kept_without_policy": round(robust.kept, 4),
     }
+    entry |= {"learned": list(robust.learned)} if robust.learned else {}
     if robust.is_robust:
         return entry | {"latest_end": robust.worst_end, "policy": rules_entry(robust.rules)}
     entry |= {"cycle": list(robust.cycle), "lacks": robust.lacks}
