@@ -1,4 +1,4 @@
-"""Durations that nobody decides: `duration: {from: 60 s, to: 90 s}`, `{usual: 70 s, spread: 5 s}`."""
+"""Durations that nobody decides: `{from: 60 s, to: 90 s}`, `{usual: 70 s, spread: 5 s}`."""
 
 from collections.abc import Iterator
 
@@ -67,7 +67,8 @@ class DurationReader:
         if not self.is_varying:
             return plain
         if "usual" in self.given:
-            return self.given["usual"].value
+            usual: Term = self.given["usual"].value
+            return usual
         if "from" in self.given and "to" in self.given:
             return _half(self.given["from"].value, self.given["to"].value)
         return None

@@ -9,8 +9,8 @@ from cellwright.engine.model.uncertain_times import (
     NegativeCycle,
     UncertainNetwork,
 )
+from cellwright.engine.stages.uncertainty.bypass_search import BypassSearch
 from cellwright.engine.stages.uncertainty.dispatchable_form import dispatchable_form
-from cellwright.engine.stages.uncertainty.kernels import BypassSearch
 
 NOTHING = -1  # in the arrays of the search
 

@@ -17,7 +17,7 @@ from cellwright.engine.model.uncertain_times import (
     UncertainNetwork,
     WaitBound,
 )
-from cellwright.engine.stages.uncertainty.kernels import BypassSearch
+from cellwright.engine.stages.uncertainty.bypass_search import BypassSearch
 
 Lengths = NDArray[np.int64]
 UNBOUNDED = 1 << 40  # longer than any path

@@ -1,4 +1,4 @@
-# The types with which Cython compiles kernels.py. The docstrings are in that file.
+# The types with which Cython compiles bypass_search.py. The docstrings are in that file.
 import cython
 
 cdef long long UNREACHED

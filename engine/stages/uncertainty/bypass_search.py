@@ -1,5 +1,5 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False
+# cython: initializedcheck=False
 """Dynamic controllability in arrays: bounds that bypass uncertain links, found backwards.
 
 The method is RUL (Cairo, Hunsberger & Rizzi 2018; in this order Hunsberger & Posenato 2021). An
@@ -17,7 +17,7 @@ there is a negative cycle. The work is O(mn + k²n + kn log n) for n points, m b
 
 At last comes what bypasses do not show: a point that waits for a link whose end it has to precede.
 
-The module is plain Python. Cython compiles it with the types in `kernels.pxd`.
+The module is plain Python. Cython compiles it with the types in `bypass_search.pxd`.
 """
 
 from array import array
