@@ -22,7 +22,6 @@ import sys
 import tempfile
 import time
 from dataclasses import asdict, dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +40,7 @@ from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.durative import TimedPlan
 
 MOMENTS = (0.5, 1, 2, 3, 5, 10, 15, 20, 25, 30)  # seconds at which solved tasks are counted
-WALL = 6  # a process is ended after so many times its seconds of the processor
+WALL = 30  # a process is ended after so many times its seconds of the processor
 # a peer writes its plan and ends, which takes processor time, too
 GRACE = 1.0
 ROW = re.compile(r"\| *([\w-]+/\w+) *\|(.*)\|")
@@ -128,15 +127,18 @@ def limit_memory(gigabytes: float) -> None:
 def of_ours(name: str, folder: Path, arguments: argparse.Namespace) -> Result:
     """What our planner finds, in a process of its own."""
     line = [sys.executable, __file__, "--work", str(folder), "--seconds", str(arguments.seconds)]
-    ended = subprocess.run(
-        [*line, *(["--anytime"] if arguments.anytime else [])],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=WALL * arguments.seconds,
-        preexec_fn=lambda: limit_memory(arguments.memory),
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
-    )
+    try:
+        ended = subprocess.run(
+            [*line, *(["--anytime"] if arguments.anytime else [])],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=WALL * arguments.seconds,
+            preexec_fn=lambda: limit_memory(arguments.memory),
+            env=os.environ | {"OMP_NUM_THREADS": "1"},
+        )
+    except subprocess.TimeoutExpired:
+        return Result(name, said=f"no end after {WALL * arguments.seconds:.0f} s of the clock")
     rows = [json.loads(row) for row in ended.stdout.splitlines()]
     plans = tuple((row["seconds"], row["makespan"]) for row in rows if "makespan" in row)
     if not rows or ended.returncode:
@@ -240,7 +242,9 @@ def table(results: list[Result], best: dict[str, float], seconds: float) -> Tabl
     total = sum(score(each, best, seconds) for each in results)
     solved = sum(1 for each in results if each.plans)
     proved = sum(1 for each in results if each.proved)
-    made.add_row("sum", f"{solved} of {len(results)}", *[""] * 3, f"{proved} proved", "", f"{total:.3f}")
+    made.add_row(
+        "sum", f"{solved} of {len(results)}", *[""] * 3, f"{proved} proved", "", f"{total:.3f}"
+    )
     return made
 
 

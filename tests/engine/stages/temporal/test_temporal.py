@@ -3,6 +3,7 @@ checker.
 """
 
 import random
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from cellwright.engine.model.temporal import NoPlanInTime, PlannedInTime
 from cellwright.engine.pipelines.planning.temporal_plans import TimeEffort, plan_with_times
+from cellwright.engine.stages.instants import breaches
 from cellwright.engine.stages.temporal.bounds import shortest_makespan
 from cellwright.engine.stages.temporal.grounding import ground_times
 from cellwright.kb.model.conditions import And, Literal
@@ -23,11 +25,18 @@ from cellwright.kb.model.durative import (
     TimedChange,
     TimedCondition,
     TimedEffect,
+    TimedPlan,
+    TimedStep,
     rational,
 )
-from cellwright.kb.terms import Function
-from tests.slow_time import Slow
+from cellwright.kb.terms import Function, Term
+from tests.slow_time import Slow, worth
 from tests.timed_examples import CELLAR, FUSES, HATCH, PATROL, ROUND, WINDOW, task_of
+
+
+def length_of(term: Term) -> Fraction:
+    return worth(term, {})
+
 
 FEW = TimeEffort(expansions=3000)
 
@@ -81,6 +90,26 @@ def test_what_comes_by_itself_needs_no_steps(tmp_path: Path, begin: str) -> None
 def test_an_object_of_two_types_is_one_of_both(tmp_path: Path) -> None:
     both = FUSES.replace("f1 f2 f3 - fuse", "f1 f2 f3 - fuse f1 - match")
     assert task_of(tmp_path, CELLAR, both).problem.objects["f1"] >= {"fuse", "match", "object"}
+
+
+DANCE = """
+(define (domain dance)
+  (:requirements :durative-actions)
+  (:predicates (led) (followed) (danced))
+  (:durative-action lead :parameters () :duration (= ?duration 4)
+    :condition (over all (followed)) :effect (and (at start (led)) (at end (danced))))
+  (:durative-action follow :parameters () :duration (= ?duration 4)
+    :condition (over all (led)) :effect (at start (followed))))
+"""
+STEPS = "(define (problem one) (:domain dance) (:init) (:goal (danced)))"
+
+
+def test_what_can_only_begin_together_is_not_proved_to_be_impossible(tmp_path: Path) -> None:
+    problem = task_of(tmp_path, DANCE, STEPS).problem
+    both = [TimedStep(Fraction(0), Function(name), Fraction(4)) for name in ("lead", "follow")]
+    assert breaches(problem, TimedPlan(tuple(both))) == []
+    outcome = plan_with_times(problem, FEW)
+    assert isinstance(outcome, PlannedInTime) or not outcome.proved
 
 
 CONDITIONAL = """
@@ -160,6 +189,28 @@ def test_plans_are_right_and_no_shorter_than_the_bound(problem: TemporalProblem)
         assert outcome.bound <= outcome.plan.makespan
     else:
         assert outcome.proved == (shortest_makespan(ground_times(problem)) is None)
+
+
+@given(problems(), st.integers(0, 10**6))
+@settings(max_examples=300, deadline=None)
+def test_a_right_plan_is_no_shorter_than_the_bound(problem: TemporalProblem, seed: int) -> None:
+    chance = random.Random(seed)
+    lengths = {action.name: action.limits[0].amount for action in problem.actions}
+    steps = []
+    for _ in range(chance.randint(1, 4)):
+        name = chance.choice(list(lengths))
+        start = Fraction(chance.randint(0, 8), 2) + Fraction(chance.randint(0, 2), 1000)
+        steps.append(TimedStep(start, Function(name), length_of(lengths[name])))
+    plan = TimedPlan(tuple(sorted(steps, key=lambda step: step.start)))
+    reached = [
+        Literal(Function(name))
+        for name in NAMES
+        if Slow(replace(problem, goal=Literal(Function(name)))).accepts(plan)
+    ]
+    if reached:
+        bound = shortest_makespan(ground_times(replace(problem, goal=And(tuple(reached)))))
+        assert bound is not None
+        assert bound <= plan.makespan
 
 
 @pytest.mark.parametrize("seed", range(3))
