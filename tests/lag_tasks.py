@@ -224,4 +224,17 @@ TASKS: dict[str, tuple[LagTask, int]] = {
         ),
         12,
     ),
+    # a in the first shift would be too soon for c in the second
+    "shifts": (
+        LagTask(
+            (
+                fixed("a", "tool", 4),
+                fixed("b", "bath", 3, "a"),
+                fixed("c", "tool", 4, "b"),
+            ),
+            (("a", "c", 12),),
+            (("tool", 0, 9), ("tool", 15, 40)),
+        ),
+        26,
+    ),
 }

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
 """Where the carrier of a joint is, from its parent's."""
 
 from cellwright.engine.kernels.arrays import Floats

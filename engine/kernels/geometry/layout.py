@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False
 """How convex pieces and pairs of them are laid out in arrays.
 
 Each class checks once what kernels rely on. It keeps every array twice: by its name for NumPy, and

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
 """Proofs that nothing touches anywhere on a path, not only at the places looked at (Schwarzer, Saha
 & Latombe 2005).
 

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
 """Questions to many pieces that stand in the world, put by a few that move or stand.
 
 A question goes down a hierarchy of boxes. A standing piece that it finds is brought into the room

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """The best supporter of each atom from one state, for the relaxed plans of backward chaining.
 
 They come from one Dijkstra search over additive costs. The module is plain Python; like
@@ -10,7 +10,7 @@ which atom i is bit `i % 8` of byte `i // 8`.
 from array import array
 from collections.abc import Sequence
 
-from cellwright.engine.kernels.rows import rows
+from cellwright.engine.kernels.packed_rows import pack_rows
 
 UNREACHED = 1 << 50
 MOST = 1 << 38  # additive costs are cut off here, because they can double with every step
@@ -32,8 +32,8 @@ class Supporters:
     ) -> None:
         self.atoms, self.operators = len(users), len(charges)
         self.charges, self.needed = array("q", charges), array("i", map(len, need))
-        self.add_starts, self.add_items = rows(add)
-        self.user_starts, self.user_items = rows(users)
+        self.add_starts, self.add_items = pack_rows(add)
+        self.user_starts, self.user_items = pack_rows(users)
         self.reached, self.depths = _longs(self.atoms), _longs(self.atoms)
         self.supporter = array("i", bytes(4 * self.atoms))
         self.spent, self.ends = _longs(self.operators), _longs(self.operators)

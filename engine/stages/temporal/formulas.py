@@ -125,26 +125,28 @@ class Surroundings:
     def choices_read(
         self, condition: Condition, bindings: Bindings, chosen: bool = False
     ) -> Iterator[Atom | Program]:
-        """The atoms and the comparisons that a condition reads as one of several alternatives."""
+        """The atoms and the numbers that a condition reads as one of several alternatives."""
         match condition:
-            case And(parts):
+            case And(parts) | Or(parts):
+                several = chosen or isinstance(condition, Or)
                 for part in parts:
-                    yield from self.choices_read(part, bindings, chosen)
-            case Or(parts):
-                for part in parts:
-                    yield from self.choices_read(part, bindings, True)
+                    yield from self.choices_read(part, bindings, several)
             case Not(part):
                 yield from self.choices_read(negation(part), bindings, chosen)
             case Exists(parameters, part) | ForAll(parameters, part):
                 several = chosen or isinstance(condition, Exists)
                 for own in self.bindings(parameters, bindings):
                     yield from self.choices_read(part, own, several)
-            case Literal(atom) if chosen:
-                yield substitute_atom(atom, bindings)
-            case Comparison() if chosen and condition.exact:
-                for side in (condition.left, condition.right):
-                    if (program := self.program(side, bindings)) is not None:
-                        yield program
+            case _ if chosen:
+                yield from self._read_by(condition, bindings)
+
+    def _read_by(self, condition: Condition, bindings: Bindings) -> Iterator[Atom | Program]:
+        """The atom of a literal, or both sides of a comparison of numbers."""
+        if isinstance(condition, Literal):
+            yield substitute_atom(condition.atom, bindings)
+        elif isinstance(condition, Comparison) and condition.exact:
+            sides = (self.program(side, bindings) for side in (condition.left, condition.right))
+            yield from (program for program in sides if program is not None)
 
     def _numeric(self, condition: Comparison, bindings: Bindings) -> Alternatives:
         left, right = (self.program(side, bindings) for side in (condition.left, condition.right))

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """The cheapest way from a state to a goal: uniform-cost search (Dijkstra 1959) over all states, for
 small tasks.
 
@@ -12,15 +12,12 @@ from array import array
 from collections.abc import Sequence
 from typing import TypeAlias
 
+from cellwright.engine.kernels.packed_rows import zero_ints
+
 Ints: TypeAlias = "array[int]"  # 32 bits each
 Words: TypeAlias = "array[int]"  # 32 bits each, without a sign
 NONE, HOPELESS, MORE = -1, -2, -3
 SHRINKS = 4  # so many times fewer states than wait now may come with each level that is left
-
-
-def ints(length: int) -> Ints:
-    """Zeros of 32 bits."""
-    return array("i", bytes(4 * length))
 
 
 def rows(sets: Sequence[int], words: int) -> Words:
@@ -62,8 +59,12 @@ class Cheapest:
         )
         self.count = self.expanded = self.level = self.waiting = 0
         self.states = array("I", bytes(4 * words * (room + 1)))
-        self.cost, self.parent, self.by = ints(room + 1), ints(room + 1), ints(room + 1)
-        self.later, self.earlier = ints(room + 1), ints(room + 1)
+        self.cost, self.parent, self.by = (
+            zero_ints(room + 1),
+            zero_ints(room + 1),
+            zero_ints(room + 1),
+        )
+        self.later, self.earlier = zero_ints(room + 1), zero_ints(room + 1)
         self.first = array("i", [-1]) * (bound + 1)
         self.size = 1
         while self.size < 2 * room + 2:

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Annealing with kicks: double bridges between places that are near each other, along the tour or
 in space.
 

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Random numbers: the Mersenne Twister (Matsumoto & Nishimura 1998), with the numbers that NumPy's
 `RandomState` gives.
 

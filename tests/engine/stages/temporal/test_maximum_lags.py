@@ -1,4 +1,4 @@
-"""Tasks with maximum lags: the search finds plans as short as a constraint model allows."""
+"""Twelve tasks with maximum lags: the search finds plans as short as a constraint model allows."""
 
 from pathlib import Path
 

@@ -144,6 +144,39 @@ def test_alternatives_that_contradict_each_other_are_no_way_to_a_plan(tmp_path: 
     assert outcome.proved
 
 
+CHOICE = """
+(define (domain choice) (:requirements :durative-actions :adl)
+  (:predicates (p) (q) (r) (s))
+  (:functions (n))
+  (:durative-action a :parameters () :duration (= ?duration 2)
+    :condition (at start READ) :effect (at end (r)))
+  (:durative-action b :parameters () :duration (= ?duration 2)
+    :condition (at start (p)) :effect (and (at start CHANGE) (at end (s)))))
+"""
+BOTH = """
+(define (problem both) (:domain choice) (:init (p) (q) (= (n) 3)) (:goal (and (r) (s))))
+"""
+
+
+@pytest.mark.parametrize(
+    ("read", "change"),
+    [
+        ("(or (p) (q))", "(not (q))"),
+        ("(or (p) (>= (n) 2))", "(increase (n) 1)"),
+        ("(and (p) (imply (q) (p)))", "(not (q))"),
+        ("(p)", "(p)"),
+        ("(not (s))", "(not (s))"),
+    ],
+)
+def test_what_a_condition_reads_without_need_is_apart_from_who_changes_it(
+    tmp_path: Path, read: str, change: str
+) -> None:
+    domain = CHOICE.replace("READ", read).replace("CHANGE", change)
+    outcome = plan_with_times(task_of(tmp_path, domain, BOTH).problem, FEW)
+    assert isinstance(outcome, PlannedInTime)  # the checker has accepted it
+    assert outcome.plan.makespan == Fraction("2.001")
+
+
 NAMES = "pqrstu"
 
 
