@@ -1,7 +1,7 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
 # cython: initializedcheck=False
-"""The derived atoms of a state, layer by layer: the least fixpoint of the rules of a layer, then
-what is not in it.
+"""Derived atoms of a state: the least fixpoint of the axioms of each layer, one layer after
+another.
 
 Plain Python, compiled with the types in `axioms.pxd`. A state is a row of bytes, in which atom i is
 bit `i % 8` of byte `i // 8`. Each rule counts the conditions that are still missing, so that each

@@ -1,5 +1,4 @@
-"""Sums, differences, products and powers that clingo computes and that do not fit into its 32 bits:
-it wraps them without a word.
+"""Finds arithmetic of clingo that does not fit into its 32 bits; clingo wraps it silently.
 
 For each operation in a rule there are rules for the values with which it does so. They have the
 body of the rule, without the part that has the operation, unless that part binds a variable. What
@@ -24,7 +23,7 @@ MOST = 2**31 - 1
 LEAST = -MOST - 1
 HALF = 2**16
 LARGEST_POWER = 64  # a greater exponent is too large for any base but -1, 0 and 1
-_NEEDS_LOOK = re.compile(r"[-+*]|#sum")
+_NEEDS_LOOK = re.compile(r"(?<!:)-|[+*]|#sum")  # not the sign of a rule, `:-`
 _NAMES = {"+": "sum", "-": "difference", "*": "product", "**": "power"}
 
 

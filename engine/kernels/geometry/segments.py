@@ -1,6 +1,6 @@
 # cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
 # cython: wraparound=False, initializedcheck=False, cdivision=True
-"""Gaps between points, segments and blocks, by formulas of their own.
+"""Distances between points, segments and boxes, by closed formulas.
 
 A piece of one or two vertices is a segment.
 """

@@ -1,6 +1,7 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
 # cython: initializedcheck=False, cdivision=True
-"""The best supporter of each atom from one state, for the relaxed plans of backward chaining.
+"""The best supporter of each atom from one state: the cheapest operator that adds it when deletes
+are ignored.
 
 They come from one Dijkstra search over additive costs. The module is plain Python; like
 `kernels.py` it can be compiled, with the types in `supporters.pxd`. A state is a row of bytes, in

@@ -1,4 +1,4 @@
-"""Searches in time that take turns, and the improvement of what they find.
+"""Plans in time by several searches in turns, and then makes the makespan smaller.
 
 Each search has its own balance of three things: how much is left to do, when it would end, and
 whether relaxed plans prefer what is soon to what is cheap. Searches get more expansions with every

@@ -1,5 +1,5 @@
-"""Which instances of actions and which atoms can be reached, if nothing that was true ever
-ends, asked of clingo.
+"""The reachable action instances and atoms of a problem in time, if nothing ever became false;
+computed by clingo.
 
 The start of an instance comes before its end: what only the end needs may be a consequence of the
 start, as where an action spans all that must be done within a time.

@@ -1,5 +1,5 @@
-"""The ground problem as the arrays that the kernels take: whole times, rows of facts, programs
-of numbers.
+"""The ground problem in time as arrays for the compiled search: whole times, rows of facts,
+programs of numbers.
 """
 
 import math

@@ -1,6 +1,6 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
 # cython: initializedcheck=False, cdivision=True
-"""Evaluation of states for forward search.
+"""Compiled loops of forward search: relaxed plans of a state, and the count of its landmarks.
 
 Relaxed plans by additive costs give the estimate and the preferred operators (Hoffmann & Nebel
 2001; Keyder & Geffner 2008). Landmarks are counted, too (Richter & Westphal 2010).

@@ -1,7 +1,6 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
 # cython: initializedcheck=False, cdivision=True
-"""The cheapest way from a state to a goal: uniform-cost search (Dijkstra 1959) over all states, for
-small tasks.
+"""Cheapest plan of a small task by uniform-cost search over all its states (Dijkstra 1959).
 
 Plain Python, which Cython compiles with the types in `cheapest.pxd`; without a compiler it runs as
 it stands, slowly. A set of atoms is a row of `words` whole numbers of 32 bits. Costs are small

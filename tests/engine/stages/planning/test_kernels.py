@@ -164,7 +164,7 @@ def test_landmarks_counted_agree_with_sets(module: ModuleType, data: st.DataObje
 
 def test_only_operators_that_are_listed_are_told_as_applicable() -> None:
     """The others count in relaxed plans all the same."""
-    rows = [PackedRows(each) for each in ([[0], [0], [1]], [[1], [2], [2]], [[0, 1], [2], []])]
-    plans = kernels.RelaxedPlans([5, 9, 1], [2], *rows, 1)
+    need, add = PackedRows([[0], [0], [1]]), PackedRows([[1], [2], [2]])
+    plans = kernels.RelaxedPlans([5, 9, 1], [2], need, add, PackedRows([[0, 1], [2], []]), 1)
     assert (plans.evaluate(b"\x01"), plans.applicable) == (6, [0])
     assert (sorted(plans.relaxed), plans.preferred) == ([0, 2], [0])
