@@ -164,10 +164,8 @@ class _Grounding:
                 sorted(part.literals, key=_literal_key) if len(part.literals) > 1 else part.literals
             ):
                 facts.setdefault(literal, len(facts))
-        for atom in dict.fromkeys(
-            atom for draft in drafts for atoms, _ in draft.read.values() for atom in atoms
-        ):
-            if atom.name in self.added | self.deleted and (atom, False) not in facts:
+        for atom in (*self._read_only(drafts), *self._contended(drafts, plain)):
+            if (atom, False) not in facts:
                 facts.setdefault((atom, True), len(facts))
         numbering = _Numbering(facts)
         initial = {
@@ -190,6 +188,33 @@ class _Grounding:
             wanted,
             self.problem.epsilon,
         )
+
+    def _read_only(self, drafts: list[_Draft]) -> list[Atom]:
+        """Atoms that conditions read as alternatives, and that something changes."""
+        read = dict.fromkeys(
+            atom for draft in drafts for atoms, _ in draft.read.values() for atom in atoms
+        )
+        return [atom for atom in read if atom.name in self.added | self.deleted]
+
+    def _contended(self, drafts: list[_Draft], plain: list["_Instance"]) -> list[Atom]:
+        """Atoms that some instants make true and others false: these are apart, also where no
+        condition reads the atoms.
+        """
+        names = self.added & self.deleted
+        rows: dict[PlainAction, list[tuple[int, ...]]] = {}
+        for action, row, _, _ in plain:
+            rows.setdefault(action, []).append(row)
+        changes = [
+            pair for action, own in rows.items() for pair in action.changed_atoms(own, names)
+        ]
+        changes += [
+            pair for draft in drafts for atoms in draft.changes.values() for pair in atoms.items()
+        ]
+        timed = (event.change for event in self.problem.changes)
+        changes += [(fact.atom, fact.positive) for fact in timed if isinstance(fact, Literal)]
+        added = dict.fromkeys(atom for atom, positive in changes if positive)
+        deleted = {atom for atom, positive in changes if not positive}
+        return [atom for atom in added if atom in deleted]
 
     def _timed(self) -> Iterator[tuple[Fraction, tuple[dict[Atom, bool], list[NumericUpdate]]]]:
         for at, group in itertools.groupby(self.problem.changes, key=lambda each: each.at):

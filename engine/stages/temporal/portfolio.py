@@ -265,7 +265,7 @@ class Turns:
         assert self.best is not None
         codes, makespan = list(self.best), self.makespan
         for _ in range(tries):
-            if self.poll.due(200_000):
+            if not codes or self.poll.due(200_000):
                 return
             self.counts["moves"] += 1
             other = self._moved(codes)

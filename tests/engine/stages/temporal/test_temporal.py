@@ -177,6 +177,17 @@ def test_what_a_condition_reads_without_need_is_apart_from_who_changes_it(
     assert outcome.plan.makespan == Fraction("2.001")
 
 
+def test_instants_that_change_what_nobody_reads_are_apart_too(tmp_path: Path) -> None:
+    flash = """
+    (define (domain flash) (:requirements :durative-actions :duration-inequalities)
+      (:predicates (lit) (seen))
+      (:durative-action blink :parameters () :duration (<= ?duration 2)
+        :condition () :effect (and (at start (lit)) (at end (not (lit))) (at end (seen)))))
+    """
+    once = "(define (problem once) (:domain flash) (:init) (:goal (seen)))"
+    assert makespan_of(task_of(tmp_path, flash, once).problem) == Fraction("0.001")
+
+
 NAMES = "pqrstu"
 
 
