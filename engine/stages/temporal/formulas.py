@@ -66,7 +66,9 @@ class Surroundings:
     """
 
     possible: Callable[[Atom], bool]  # the atom is true in some state
-    avoidable: Callable[[Atom], bool]  # the atom is false in some state
+    # the atom is false in some state, or made true although it is
+    avoidable: Callable[[Atom], bool]
+    untouched: Callable[[Atom], bool]  # nothing makes the atom false, not even where it is
     constants: Mapping[Function, Fraction]  # the numbers that never change
     numbers: Mapping[Function, int]  # the others
     members: Callable[[str], list[str]]
@@ -113,10 +115,36 @@ class Surroundings:
     def _literal(self, atom: Atom, positive: bool) -> Alternatives:
         can, always = self.possible(atom), not self.avoidable(atom)
         if not positive:
-            can, always = (not always, not can)
+            can, always = (not always, not can and self.untouched(atom))
         if always:
             return (TRUE_CONJUNCTION,)
         return (Conjunction(frozenset([(atom, positive)]), ()),) if can else ()
+
+    def choices_read(
+        self, condition: Condition, bindings: Bindings, chosen: bool = False
+    ) -> Iterator[Atom | Program]:
+        """The atoms and the numbers that a condition reads as one of several alternatives."""
+        match condition:
+            case And(parts) | Or(parts):
+                several = chosen or isinstance(condition, Or)
+                for part in parts:
+                    yield from self.choices_read(part, bindings, several)
+            case Not(part):
+                yield from self.choices_read(negation(part), bindings, chosen)
+            case Exists(parameters, part) | ForAll(parameters, part):
+                several = chosen or isinstance(condition, Exists)
+                for own in self.bindings(parameters, bindings):
+                    yield from self.choices_read(part, own, several)
+            case _ if chosen:
+                yield from self._read_by(condition, bindings)
+
+    def _read_by(self, condition: Condition, bindings: Bindings) -> Iterator[Atom | Program]:
+        """The atom of a literal, or both sides of a comparison of numbers."""
+        if isinstance(condition, Literal):
+            yield substitute_atom(condition.atom, bindings)
+        elif isinstance(condition, Comparison) and condition.exact:
+            sides = (self.program(side, bindings) for side in (condition.left, condition.right))
+            yield from (program for program in sides if program is not None)
 
     def _numeric(self, condition: Comparison, bindings: Bindings) -> Alternatives:
         left, right = (self.program(side, bindings) for side in (condition.left, condition.right))

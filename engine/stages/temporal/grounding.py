@@ -10,6 +10,7 @@ from fractions import Fraction
 from cellwright.engine.model.temporal import (
     CONSTANT,
     LENGTH,
+    VALUE,
     GroundTimes,
     Happening,
     NumericTest,
@@ -55,6 +56,9 @@ def ground_times(problem: TemporalProblem) -> GroundTimes:
     return _Grounding(problem, reach(problem)).result()
 
 
+Readings = dict[Moment, tuple[tuple[Atom, ...], tuple[int, ...]]]
+
+
 @dataclass
 class _Draft:
     """An instance before its facts are numbered."""
@@ -63,6 +67,7 @@ class _Draft:
     conditions: dict[Moment, Conjunction]
     changes: dict[Moment, dict[Atom, bool]]
     updates: dict[Moment, list[NumericUpdate]] = field(default_factory=dict)
+    read: Readings = field(default_factory=dict)
     shortest: Program = ZERO
     longest: Program | None = None
     instantaneous: bool = False
@@ -82,7 +87,7 @@ class _Grounding:
             if fluent.name in changing:
                 self.numbers[fluent] = len(self.numbers)
         self.around = Surroundings(
-            self._possible, self._avoidable, values, self.numbers, self._members
+            self._possible, self._avoidable, self._untouched, values, self.numbers, self._members
         )
 
     def _changed(self, positive: bool) -> set[str]:
@@ -101,7 +106,11 @@ class _Grounding:
         return atom in self.reached.atoms
 
     def _avoidable(self, atom: Atom) -> bool:
-        return atom.name in self.deleted or atom not in self.problem.initial
+        changing = atom.name in self.deleted or atom.name in self.added
+        return changing or atom not in self.problem.initial
+
+    def _untouched(self, atom: Atom) -> bool:
+        return atom.name not in self.deleted
 
     def _members(self, type_: str) -> list[str]:
         if type_ not in self.members:
@@ -155,6 +164,9 @@ class _Grounding:
                 sorted(part.literals, key=_literal_key) if len(part.literals) > 1 else part.literals
             ):
                 facts.setdefault(literal, len(facts))
+        for atom in (*self._read_only(drafts), *self._contended(drafts, plain)):
+            if (atom, False) not in facts:
+                facts.setdefault((atom, True), len(facts))
         numbering = _Numbering(facts)
         initial = {
             number
@@ -176,6 +188,33 @@ class _Grounding:
             wanted,
             self.problem.epsilon,
         )
+
+    def _read_only(self, drafts: list[_Draft]) -> list[Atom]:
+        """Atoms that conditions read as alternatives, and that something changes."""
+        read = dict.fromkeys(
+            atom for draft in drafts for atoms, _ in draft.read.values() for atom in atoms
+        )
+        return [atom for atom in read if atom.name in self.added | self.deleted]
+
+    def _contended(self, drafts: list[_Draft], plain: list["_Instance"]) -> list[Atom]:
+        """Atoms that some instants make true and others false: these are apart, also where no
+        condition reads the atoms.
+        """
+        names = self.added & self.deleted
+        rows: dict[PlainAction, list[tuple[int, ...]]] = {}
+        for action, row, _, _ in plain:
+            rows.setdefault(action, []).append(row)
+        changes = [
+            pair for action, own in rows.items() for pair in action.changed_atoms(own, names)
+        ]
+        changes += [
+            pair for draft in drafts for atoms in draft.changes.values() for pair in atoms.items()
+        ]
+        timed = (event.change for event in self.problem.changes)
+        changes += [(fact.atom, fact.positive) for fact in timed if isinstance(fact, Literal)]
+        added = dict.fromkeys(atom for atom, positive in changes if positive)
+        deleted = {atom for atom, positive in changes if not positive}
+        return [atom for atom in added if atom in deleted]
 
     def _timed(self) -> Iterator[tuple[Fraction, tuple[dict[Atom, bool], list[NumericUpdate]]]]:
         for at, group in itertools.groupby(self.problem.changes, key=lambda each: each.at):
@@ -237,7 +276,12 @@ class _Numbering:
         part = draft.conditions.get(moment, TRUE_CONJUNCTION)
         adds, deletes = self._effects(draft.changes.get(moment, {}))
         updates = tuple(draft.updates.get(moment, ()))
-        return Happening(self.literals(part), adds, deletes, part.tests, updates)
+        needs = self.literals(part)
+        atoms, numbers = draft.read.get(moment, ((), ()))
+        both = ((atom, positive) for atom in atoms for positive in (True, False))
+        read = {self.facts[literal] for literal in both if literal in self.facts}
+        facts_read = tuple(sorted(read.difference(needs)))
+        return Happening(needs, adds, deletes, part.tests, updates, facts_read, numbers)
 
     def span(self, draft: _Draft) -> Span:
         """An instance over numbered facts."""
@@ -279,7 +323,8 @@ class _Schema:
             return
         shortest, longest = limits
         name = Function(self.action.name, tuple(arguments))
-        base = _Draft(name, {}, {}, {}, shortest, longest, self.action.instantaneous)
+        read = {moment: self._read(moment, own) for moment in (START, END)}
+        base = _Draft(name, {}, {}, {}, read, shortest, longest, self.action.instantaneous)
         effects = self._conditional(own)
         count = 0
         for happening in itertools.product((True, False), repeat=len(effects)):
@@ -309,6 +354,29 @@ class _Schema:
                 if not result[moment]:
                     return None
         return result
+
+    def _read(self, moment: Moment, own: Bindings) -> tuple[tuple[Atom, ...], tuple[int, ...]]:
+        """The atoms and numbers that the conditions of one instant read without needing them.
+
+        Whether a conditional effect happens is a choice, too.
+        """
+        parts = [
+            self.around.choices_read(each.condition, own)
+            for each in self.action.conditions
+            if each.moment is moment
+        ]
+        parts += [
+            self.around.choices_read(each.condition, inner, True)
+            for effect in self.conditional
+            for each in effect.when
+            if each.moment is moment
+            for inner in self.around.bindings(effect.parameters, own)
+        ]
+        read = list(dict.fromkeys(itertools.chain.from_iterable(parts)))
+        programs = (each for each in read if not isinstance(each, Function))
+        numbers = {int(value) for program in programs for sign, value in program if sign == VALUE}
+        atoms = tuple(each for each in read if isinstance(each, Function))
+        return atoms, tuple(sorted(numbers))
 
     def _limits(self, own: Bindings) -> tuple[Program, Program | None] | None:
         """The shortest and the longest duration; None if they contradict each other or have no

@@ -97,7 +97,9 @@ class _Builder:
         2009).
         """
         sure = {*span.holds, *span.start.adds}
-        plain = not span.end.deletes and not span.end.tests and set(span.end.needs) <= sure
+        end = span.end
+        plain = not end.deletes and not end.tests and set(end.needs) <= sure
+        plain = plain and not end.facts_read and not end.numbers_read
         counted = any(update.number in self.read for update in span.end.updates)
         return span.instantaneous or (plain and not counted)
 
@@ -112,9 +114,9 @@ class _Builder:
         )
         parts.changes, parts.scale = len(timed), float(self.scale)
         parts.epsilon = self._units(self.task.epsilon)
-        for name, row in (("needs", "needs"), ("adds", "adds"), ("deletes", "deletes")):
-            setattr(parts, name, PackedRows([getattr(span.start, row) for span in spans]))
-            setattr(parts, f"end_{name}", PackedRows([getattr(span.end, row) for span in spans]))
+        for name in ("needs", "adds", "deletes", "facts_read", "numbers_read"):
+            setattr(parts, name, PackedRows([getattr(span.start, name) for span in spans]))
+            setattr(parts, f"end_{name}", PackedRows([getattr(span.end, name) for span in spans]))
         parts.holds = PackedRows([span.holds for span in spans])
         parts.timed_adds = PackedRows([each.happening.adds for each in timed])
         parts.timed_deletes = PackedRows([each.happening.deletes for each in timed])

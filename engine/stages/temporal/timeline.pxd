@@ -12,6 +12,8 @@ cdef class Timeline(TemporalNetwork):
     cdef readonly int facts, actions, numbers, cells, opened, passed
     cdef double scale
     cdef PackedRows needs, adds, deletes, holds, end_needs, end_adds, end_deletes, timed_adds, timed_deletes
+    cdef PackedRows facts_read, numbers_read, end_facts_read, end_numbers_read
+    cdef public int keeps_lags
     cdef PackedRows start_tests, hold_tests, end_tests, test_numbers, start_updates, end_updates, timed_updates
     cdef PackedRows update_reads
     cdef int[::1] whole, instant, least_program, most_program, test_program, test_relation
@@ -38,6 +40,9 @@ cdef class Timeline(TemporalNetwork):
 
     @cython.locals(cell=int, ender=int)
     cdef void _read_fact(self, int fact, int node)
+
+    @cython.locals(place=int, fact=int)
+    cdef void _read_choices(self, PackedRows facts, PackedRows numbers, int action, int node)
 
     @cython.locals(cell=int)
     cdef void _hold_fact(self, int fact, int start, int end)
@@ -111,7 +116,7 @@ cdef class Timeline(TemporalNetwork):
     @cython.locals(place=int, node=int, fact=int, later=int, index=int)
     cdef bint _pass_change(self, int change)
 
-    @cython.locals(total="long long", fact=int, place=int, number=int, value=double)
+    @cython.locals(total="long long", fact=int, place=int, number=int, action=int, value=double)
     cpdef long long digest(self)
 
     @cython.locals(mixed="unsigned long long")

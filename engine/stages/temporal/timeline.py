@@ -35,6 +35,11 @@ class Timeline(TemporalNetwork):
         self.end_needs = parts.end_needs
         self.end_adds = parts.end_adds
         self.end_deletes = parts.end_deletes
+        self.facts_read = parts.facts_read
+        self.numbers_read = parts.numbers_read
+        self.end_facts_read = parts.end_facts_read
+        self.end_numbers_read = parts.end_numbers_read
+        self.keeps_lags = 0
         self.timed_adds = parts.timed_adds
         self.timed_deletes = parts.timed_deletes
         self.whole = parts.whole
@@ -152,6 +157,20 @@ class Timeline(TemporalNetwork):
             cell = self.cell_next[cell]
         if self.due[fact] >= 0:
             self._add_edge(node, self.due[fact], self.epsilon)
+
+    def _read_choices(
+        self, facts: "PackedRows", numbers: "PackedRows", action: int, node: int
+    ) -> None:
+        """A node reads facts, true or not, and numbers: after and before who changes them."""
+        for place in range(facts.starts[action], facts.starts[action + 1]):
+            fact = facts.items[place]
+            if self.adder[fact] >= 0 and self.adder[fact] != node:
+                self._add_edge(self.adder[fact], node, self.epsilon)
+            if self.deleter[fact] >= 0 and self.deleter[fact] != node:
+                self._add_edge(self.deleter[fact], node, self.epsilon)
+            self.readers[fact] = self._add_cell(node, node, self.readers[fact])
+        for place in range(numbers.starts[action], numbers.starts[action + 1]):
+            self._read_number(numbers.items[place], node)
 
     def _hold_fact(self, fact: int, start: int, end: int) -> None:
         """An action needs a fact between two nodes."""
@@ -362,6 +381,7 @@ class Timeline(TemporalNetwork):
         """Reads and changes the state as the start of an action does; False if a test fails."""
         for place in range(self.needs.starts[action], self.needs.starts[action + 1]):
             self._read_fact(self.needs.items[place], start)
+        self._read_choices(self.facts_read, self.numbers_read, action, start)
         if not self._check_tests(self.start_tests, action, start):
             return False
         for place in range(self.deletes.starts[action], self.deletes.starts[action + 1]):
@@ -466,6 +486,7 @@ class Timeline(TemporalNetwork):
                 return False
         for place in range(self.end_needs.starts[action], self.end_needs.starts[action + 1]):
             self._read_fact(self.end_needs.items[place], end)
+        self._read_choices(self.end_facts_read, self.end_numbers_read, action, end)
         if not self._check_tests(self.end_tests, action, end):
             return False
         for place in range(self.end_deletes.starts[action], self.end_deletes.starts[action + 1]):
@@ -503,14 +524,18 @@ class Timeline(TemporalNetwork):
     def digest(self) -> int:
         """A number for the state: facts, numbers, open actions and what has passed.
 
-        Equal states have equal ones.
+        Equal states have equal ones. With `keeps_lags` states differ, too, where actions that
+        must end in time have begun at other times.
         """
         total = self.passed * 1000003 + 7
         for fact in range(self.facts):
             if self.state[fact]:
                 total ^= self._mix(fact + 1)
         for place in range(self.opened):
-            total ^= self._mix(self.facts + 17 + self.open_list[place])
+            action = self.open_list[place]
+            total ^= self._mix(self.facts + 17 + action)
+            if self.keeps_lags and (self.most[action] >= 0 or self.most_program[action] >= 0):
+                total ^= self._mix(self.times[self.open_start[action]] * 8191 + action)
         for number in range(self.numbers):
             value = self.amounts[number] * 4096.0
             if -1e17 < value < 1e17:

@@ -1,8 +1,8 @@
 """PDDL with times in: a domain with durative actions and a problem with timed literals (PDDL 2.1
 level 3, PDDL 2.2).
 
-The reader accepts what the reader without times accepts but derived predicates. It refuses
-continuous effects, preferences and constraints by name, with their place.
+The reader accepts what the reader without times accepts, but derived predicates that depend on
+themselves. It refuses continuous effects, preferences and constraints by name, with their place.
 """
 
 from dataclasses import dataclass
