@@ -76,4 +76,5 @@ else:
                 "problem_files",
             ),
         },
+        libraries=("cellwright.kb.schema.form_base",),
     )
