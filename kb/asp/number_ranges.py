@@ -20,7 +20,10 @@ Argument = tuple[Signature, int]  # an argument of a predicate, from 0
 NO_NUMBER: Interval = (inf, -inf)
 ANY_NUMBER: Interval = (-inf, inf)
 NUMBER_ROUNDS = 20  # rules that pass numbers on, in a row
-ASP_RANGE = re.compile(r"([^\s(,;:{]+)\s*\.\.\s*([^\s),;.}]+)")
+# a bound is a term in brackets, or one without any
+ASP_RANGE = re.compile(r"(\([^()]*\)|[^\s(),;:{]+)\s*\.\.\s*(\([^()]*\)|[^\s(),;.}]+)")
+# What may stand before and behind a range. Next to anything else, a bound is part of a longer term.
+BEFORE_RANGE, BEHIND_RANGE = frozenset("(,;:{=<>"), frozenset("),;:.}=<>!")
 SHIFTED_VARIABLE = re.compile(r"([A-Z]\w*)(?:([+-])(\d{1,9}))?", re.ASCII)
 
 
@@ -37,14 +40,18 @@ class StaticNumbers:
         of one may be any number.
         """
         product = 1.0
-        for low, high in ASP_RANGE.findall(rule.text):
-            least, greatest = self._bounds(low, rule)[0], self._bounds(high, rule)[1]
+        for match in ASP_RANGE.finditer(rule.text):
+            before, behind = rule.text[: match.start()].rstrip(), rule.text[match.end() :].lstrip()
+            if before[-1:] not in BEFORE_RANGE or behind[:1] not in BEHIND_RANGE:
+                return inf
+            least = self._bounds(match[1], rule)[0]
+            greatest = self._bounds(match[2], rule)[1]
             product *= greatest - least + 1 if greatest > least else 1.0
         return product
 
     def _bounds(self, text: str, rule: Statement) -> Interval:
         """The numbers that a bound of a range can be, in some instance of the rule."""
-        if shifted := SHIFTED_VARIABLE.fullmatch(text):
+        if shifted := SHIFTED_VARIABLE.fullmatch(text.strip("()")):
             name, sign, digits = shifted.groups()
             if self._numbers is None:
                 return ANY_NUMBER

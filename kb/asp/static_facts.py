@@ -234,7 +234,8 @@ class _Extents:
         ]
         plain = [(atom.name, len(atom.arguments)) for atom in atoms] == read
         counts = self._joined(atoms) if plain else (self._size(predicate) for predicate in read)
-        return min(self.numbers.count_range_values(rule) * prod(counts), UNBOUNDED_INSTANCES)
+        range_values = min(self.numbers.count_range_values(rule), UNBOUNDED_INSTANCES)
+        return min(range_values * prod(counts), UNBOUNDED_INSTANCES)
 
     def _size(self, predicate: Signature) -> float:
         if predicate in self.made:

@@ -76,5 +76,5 @@ else:
                 "problem_files",
             ),
         },
-        libraries=("cellwright.kb.schema.form_base",),
+        libraries=("cellwright.kb.schema.domain", "cellwright.kb.syntax"),
     )

@@ -74,3 +74,17 @@ def test_an_unknown_name_is_an_attribute_error_that_names_the_room() -> None:
 
 def test_a_name_is_loaded_at_each_use() -> None:
     assert open_doorway("hall", {"math": ("pi", "tau")})("tau") > 6
+
+
+def test_the_libraries_of_a_room_are_loaded_before_its_modules(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "large_library_here.py").write_text("import sys\nORDER = ['library']\n")
+    (tmp_path / "small_room_here.py").write_text(
+        "import sys\nORDER = [*sys.modules['large_library_here'].ORDER, 'room']\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    room = open_doorway("here", {"small_room_here": ("ORDER",)}, libraries=("large_library_here",))
+    with pytest.raises(AttributeError):
+        room("name_that_nobody_exports")
+    assert room("ORDER") == ["library", "room"]

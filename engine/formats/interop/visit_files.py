@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cellwright.engine.kernels.arrays import Longs
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.part_measurements import is_shared
 from cellwright.engine.model.tour_problem import Metric, TourProblem, Visit
 from cellwright.engine.pipelines.inspection.measurement_points import with_places
