@@ -76,5 +76,5 @@ else:
                 "problem_files",
             ),
         },
-        libraries=("cellwright.kb.schema.domain", "cellwright.kb.syntax"),
+        libraries={".loading": ("cellwright.kb.schema.domain", "cellwright.kb.syntax")},
     )

@@ -102,5 +102,5 @@ else:
                 "SCOPE_KEPT_ORDER",
             ),
         },
-        libraries=("cellwright.kb.schema.domain", "cellwright.kb.syntax"),
+        libraries={".target_files": ("cellwright.kb.schema.domain", "cellwright.kb.syntax")},
     )
