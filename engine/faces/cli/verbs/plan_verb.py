@@ -402,7 +402,7 @@ def _plan_motions(
 ) -> "MovingRun":
     """The plan in which every step moves.
 
-    Raises `Stopped` if it is interrupted: a plan that does not move is no answer.
+    Raises `StoppedByCaller` if it is interrupted: a plan that does not move is no answer.
     """
 
     def planned_in_time(each: "Problem") -> "Run":
