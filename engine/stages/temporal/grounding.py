@@ -39,7 +39,9 @@ from cellwright.kb.model.durative import (
     Moment,
     NumericChange,
     TemporalProblem,
+    TimedChange,
     TimedEffect,
+    decimals,
 )
 from cellwright.kb.terms import Atom, Function, substitute_atom
 
@@ -83,11 +85,20 @@ class _Grounding:
             each: value for each, value in problem.values.items() if each.name not in changing
         }
         self.numbers: dict[Function, int] = {}
+        # the numbers that have no value at the start, and those without one after timed changes
+        self.unset: set[int] = set()
+        self.unset_later: set[int] = set()
         for fluent in problem.values:
             if fluent.name in changing:
                 self.numbers[fluent] = len(self.numbers)
         self.around = Surroundings(
-            self._possible, self._avoidable, self._untouched, values, self.numbers, self._members
+            self._possible,
+            self._avoidable,
+            self._untouched,
+            values,
+            self.numbers,
+            self._members,
+            self.unset,
         )
 
     def _changed(self, positive: bool) -> set[str]:
@@ -136,14 +147,15 @@ class _Grounding:
 
     def _assigned(self) -> None:
         """Numbers that have no value at the start, but that some effect assigns, are numbers,
-        too.
+        too. What nothing assigns never has a value.
         """
+        known = len(self.numbers)
         names = [Function(name) for name in self.reached.objects]
         for action, rows in zip(self.problem.actions, self.reached.instances, strict=True):
             variables = [parameter.variable for parameter in action.parameters]
             for effect in action.effects:
                 change = effect.change
-                if not isinstance(change, NumericChange):
+                if not isinstance(change, NumericChange) or change.kind != "assign":
                     continue
                 for row in rows:
                     outer = dict(zip(variables, (names[number] for number in row), strict=True))
@@ -152,8 +164,9 @@ class _Grounding:
                             substitute_atom(change.fluent, own), len(self.numbers)
                         )
         for timed in self.problem.changes:
-            if isinstance(timed.change, NumericChange):
+            if isinstance(timed.change, NumericChange) and timed.change.kind == "assign":
                 self.numbers.setdefault(timed.change.fluent, len(self.numbers))
+        self.unset.update(range(known, len(self.numbers)))
 
     def _numbered(
         self, drafts: list[_Draft], plain: list["_Instance"], facts: Facts, goals: list[Conjunction]
@@ -217,6 +230,7 @@ class _Grounding:
         return [atom for atom in added if atom in deleted]
 
     def _timed(self) -> Iterator[tuple[Fraction, tuple[dict[Atom, bool], list[NumericUpdate]]]]:
+        self.unset_later = set(self.unset)
         for at, group in itertools.groupby(self.problem.changes, key=lambda each: each.at):
             atoms: dict[Atom, bool] = {}
             updates: list[NumericUpdate] = []
@@ -226,14 +240,22 @@ class _Grounding:
                         atoms.get(each.change.atom, False) or each.change.positive
                     )
                 else:
-                    program = self.around.program(each.change.amount, {})
-                    number = self.numbers[each.change.fluent]
-                    updates += (
-                        [NumericUpdate(each.change.kind, number, program)]
-                        if program is not None
-                        else []
-                    )
+                    updates.append(self._timed_update(each, each.change))
+            self.unset_later -= {update.number for update in updates}
             yield at, (atoms, updates)
+
+    def _timed_update(self, timed: TimedChange, change: NumericChange) -> NumericUpdate:
+        """The change of a number by itself. Raises `InvalidInput` if it may have no value."""
+        program = self.around.program(change.amount, {})
+        number = self.numbers.get(change.fluent)
+        if program is not None and number is not None:
+            update = NumericUpdate(change.kind, number, program)
+            around = replace(self.around, unset=self.unset_later)
+            if not any(around.value_tests(update)):
+                return update
+        said = f"what {change.fluent} becomes at {decimals(timed.at)} may have no value"
+        hint = "give what it reads a value in :init"
+        raise InvalidInput([Diagnostic(timed.where, "K802", said, hint)])
 
 
 _Instance = tuple[
@@ -479,7 +501,14 @@ class _Schema:
         own: Bindings,
         happened: list[tuple[TimedEffect, Bindings]],
     ) -> Iterator[_Draft]:
-        changes, updates = self._effects(own, happened)
+        effects = self._effects(own, happened)
+        if effects is None:
+            return
+        changes, updates = effects
+        conditions = dict(conditions)
+        for moment, listed in updates.items():
+            before = conditions.get(moment, (TRUE_CONJUNCTION,))
+            conditions[moment] = self.around.with_values(before, listed)
         moments = list(conditions)
         for chosen in itertools.product(*conditions.values()):
             if any(map(contradictory, chosen)):
@@ -494,8 +523,8 @@ class _Schema:
 
     def _effects(
         self, own: Bindings, happened: list[tuple[TimedEffect, Bindings]]
-    ) -> tuple[dict[Moment, dict[Atom, bool]], dict[Moment, list[NumericUpdate]]]:
-        """What happens at each moment.
+    ) -> tuple[dict[Moment, dict[Atom, bool]], dict[Moment, list[NumericUpdate]]] | None:
+        """What happens at each moment; None if it reads a number that never has a value.
 
         An atom that is both deleted and added at one instant is true afterwards.
         """
@@ -516,9 +545,10 @@ class _Schema:
                 changes[effect.moment][atom] = before or change.positive
                 continue
             program = self.around.program(change.amount, inner)
-            number = self.around.numbers[substitute_atom(change.fluent, inner)]
-            if program is not None:
-                updates[effect.moment].append(NumericUpdate(change.kind, number, program))
+            number = self.around.numbers.get(substitute_atom(change.fluent, inner))
+            if program is None or number is None:
+                return None
+            updates[effect.moment].append(NumericUpdate(change.kind, number, program))
         return changes, updates
 
     def _with_length(self, draft: _Draft) -> _Draft:

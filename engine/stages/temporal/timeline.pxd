@@ -16,6 +16,7 @@ cdef class Timeline(TemporalNetwork):
     cdef public int keeps_lags
     cdef PackedRows start_tests, hold_tests, end_tests, test_numbers, start_updates, end_updates, timed_updates
     cdef PackedRows update_reads
+    cdef int[::1] names, last_start, last_end
     cdef int[::1] whole, instant, least_program, most_program, test_program, test_relation
     cdef int[::1] update_kind, update_number, update_program
     cdef long long[::1] least, most, timed_at
@@ -94,6 +95,9 @@ cdef class Timeline(TemporalNetwork):
 
     @cython.locals(least="long long", most="long long", start=int, end=int)
     cdef bint _add_instants(self, int action)
+
+    @cython.locals(name=int)
+    cdef void _follow_itself(self, int action, int start, int end)
 
     @cython.locals(place=int, test=int, index=int)
     cdef bint _hold_conditions(self, int action, int start, int end)

@@ -66,6 +66,7 @@ class Timeline(TemporalNetwork):
         self.timed_at = parts.timed_at
         self.initial = parts.initial
         self.values = parts.values
+        self.names = parts.names
         self._rooms()
         self.reset()
 
@@ -94,6 +95,7 @@ class Timeline(TemporalNetwork):
             zero_ints(self.actions),
             zero_ints(self.actions),
         )
+        self.last_start, self.last_end = zero_ints(self.actions), zero_ints(self.actions)
         self.open_list = zero_ints(self.actions + 1)
         self.cell_room = 8192
         self.first_added = self.last_added = 0
@@ -115,7 +117,7 @@ class Timeline(TemporalNetwork):
             self.changer[number] = self.number_readers[number] = self.number_holders[number] = -1
             self.changed_by_sum[number] = 0
         for action in range(self.actions):
-            self.open_at[action] = -1
+            self.open_at[action] = self.last_start[action] = -1
         self._add_node()
         for change in range(self.changes):
             node = self._add_node()
@@ -369,6 +371,7 @@ class Timeline(TemporalNetwork):
         if not self.applicable(action) or not self._add_instants(action):
             return False
         start, end = self.first_added, self.last_added
+        self._follow_itself(action, start, end)
         if not self._apply_start(action, start) or not self._hold_conditions(action, start, end):
             return False
         if self.instant[action] == 0:
@@ -413,6 +416,16 @@ class Timeline(TemporalNetwork):
                 self._add_edge(end, start, -most)
         self.first_added, self.last_added = start, end
         return True
+
+    def _follow_itself(self, action: int, start: int, end: int) -> None:
+        """An instance begins again only after its end: a plan is a set of steps, so two at one
+        time would be one.
+        """
+        name = self.names[action]
+        if self.last_start[name] >= 0:
+            self._add_edge(self.last_start[name], start, self.epsilon)
+            self._add_edge(self.last_end[name], start, 0)
+        self.last_start[name], self.last_end[name] = start, end
 
     def _hold_conditions(self, action: int, start: int, end: int) -> bool:
         """Whether all that must hold between two instants holds; it is kept until then."""
