@@ -247,7 +247,7 @@ def test_every_benchmark_is_a_part() -> None:
     """
     helped = {"screenshots", "mutants", "mutation_runs", "limits_work", "inspection_patches"}
     # `make definition`, reuse beside planning, `make robust`, threads (docs/api.md), and PDDL with
-    # times beside other planners and checkers (docs/pddl.md)
+    # times beside other planners and checkers (docs/benchmarks.md)
     own = {
         "pddl_definition",
         "robust_times",
