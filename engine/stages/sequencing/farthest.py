@@ -1,5 +1,4 @@
-"""A lower bound that holds however the points lie: every tour visits the few places that are far
-from each other, in some order.
+"""Lower bound of a tour from its places that are far apart: every tour visits them in some order.
 
 Ways are shortest ways, over other visits if that is shorter: rounded distances do not always keep
 the triangle inequality. Where points lie on a few lines, the ascent of Held and Karp comes to its
@@ -163,7 +162,8 @@ def _straight_ways(problem: TourProblem, metric: Metric) -> Ways:
     def ways(place: int, away: bool) -> Floats:
         own = kind[place]
         more = changes[own, kind] if away else changes[kind, own]
-        return exact(metric.points - metric.points[place]) + more
+        lengths: Floats = exact(metric.points - metric.points[place]) + more
+        return lengths
 
     return ways
 

@@ -52,13 +52,14 @@ def drawn_tour(seed: int, least: int, most: int) -> TourProblem:
         changes = {(a, b): changes[min((a, b), (b, a))] for a, b in changes}
     order = chance.sample(range(n), n)
     pairs = itertools.combinations(order, 2) if chance.random() < 0.3 else ()
-    ends = [chance.choice([None, None, chance.randrange(n)]) for _ in range(2)]
+    start, end = (chance.choice([None, None, chance.randrange(n)]) for _ in range(2))
     return TourProblem(
         "drawn",
         visits,
         drawn_travel(chance, n),
         chance.random() < 0.5,
-        *ends,
+        start,
+        end,
         changes,
         tuple(pair for pair in pairs if chance.random() < 0.2),
         shifts={("x", "y"): 5, ("y", "x"): 5} if chance.random() < 0.3 else {},
@@ -123,7 +124,7 @@ def test_few_visits_are_ordered_for_the_least_cost(seed: int) -> None:
     problem = drawn_tour(seed, 1, 6)
     tour = sequence_tour(problem, QUICK)
     check_tour(problem, tour)
-    assert isinstance(tour, Infeasible) or tour.proved
+    assert isinstance(tour, Infeasible) or (isinstance(tour, Tour) and tour.proved)
 
 
 @settings(max_examples=25, deadline=None)
