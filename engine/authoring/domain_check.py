@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cellwright.engine.authoring.other_file_check import check_alone, domain_beside, kind_alone
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.workflow_replay import stage_atom
 from cellwright.engine.pipelines.contact_states import NetRequest, net_space
@@ -59,10 +60,21 @@ def check_domain_files(target: str, reach: bool = True) -> CheckReport:
     """All errors in a problem, or in a domain and all its problems, and in the cell, fault base and
     contact model beside it.
 
-    With `reach`, places of the cell that no arm reaches are reported, too.
+    With `reach`, places of the cell that no arm reaches are reported, too. A cell, fault base or
+    contact model beside a domain is checked with the whole domain; another cell, a scene and an arm
+    are checked alone.
     """
-
     path = find_target(target)
+    if (domain := domain_beside(path)) is not None:
+        path = domain
+    elif kind := kind_alone(path):
+        alone = check_alone(path, kind, geometry_backend if reach else None)
+        return CheckReport((str(path),), order_diagnostics(alone))
+    return _check_with_domain(path, reach)
+
+
+def _check_with_domain(path: Path, reach: bool) -> CheckReport:
+    """All errors in a problem, or in a domain with all that stands beside it."""
     findings: list[Diagnostic] = []
     loaded = _load_file(path, findings)
     paths, problems = [path], []

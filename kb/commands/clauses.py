@@ -237,7 +237,9 @@ class ClauseSearch:
                 again=match.again,
                 passive=match.passive,
             )
-            total = (cost, count + 1, order + match.form.phrase)
+            again = earlier is not None and match.form.phrase == earlier.clause.form.phrase
+            phrase = -1 if match.shared and again else match.form.phrase
+            total = (cost, count + 1, order + phrase)
             yield _Reading(
                 end, total, clause, earlier, polite or (earlier is not None and earlier.polite)
             )

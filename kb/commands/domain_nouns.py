@@ -164,7 +164,9 @@ class NounVocabulary:
             yield _without_article(spoken_words(wording))
 
     def _own(self, name: str) -> Iterator[Noun]:
-        """The nouns of one object: those listed under `words`, and its name with blanks."""
+        """The nouns of one object: those listed under `words`, its name with blanks, and its name
+        before the noun of its type: "the left station" is `left`.
+        """
         if name not in self.domain.types:
             yield from (
                 _without_article(spoken_words(wording))
@@ -181,6 +183,11 @@ class NounVocabulary:
             and not (parts[-1].isdecimal() and self._is_noun(name, parts[:-1]))
         ):
             yield parts
+        numbered = not name or name[-1].isdecimal()
+        if not numbered and all(map(is_spoken, parts)) and name not in self.domain.types:
+            for noun in self._said(self.objects[name]):
+                if "_".join((*parts, *noun)) not in self._folded and parts[-1] != noun[-1]:
+                    yield (*parts, *noun)
 
     def _is_noun(self, name: str, stem: Noun) -> bool:
         """Whether the beginning of a name is a noun of its type, so that "probe 1" says it

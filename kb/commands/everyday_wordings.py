@@ -12,6 +12,14 @@ from itertools import islice
 
 MAX_WAYS = 60  # ways to say one sentence that are tried
 
+HEATING = ("heat", "process", "heat up", "warm up", "turn on", "switch on")
+EVERYDAY_VERBS: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
+    (("get", "fetch", "grab"), ("take", "pick up", "grip", "bring")),
+    (("preheat", "pre-heat", "anneal", r"warm\s+up", "warm", "bake"), HEATING),
+    ((r"cool\s+down", "chill"), ("cool",)),
+)
+"""Verbs of everyday speech as patterns, each with the verbs that a domain may have for it."""
+
 _END = r"(?=\s*(?:[,;.!]|\band\b|\bthen\b|$))"
 _DONE = (
     r"(?:when|once|as\s+soon\s+as|after)\s+(?:(?:it|that|this|all|everything)\s+is\s+|(?:they|all)\s+are\s+)?"
@@ -41,8 +49,10 @@ _WAYS: tuple[tuple[re.Pattern[str], tuple[str, ...]], ...] = tuple(
             r"\bput\s+([^,;.]+?)\s+away\b",
             (r"store \1", r"put \1 back", r"return \1", r"put back \1"),
         ),
-        (r"\b(?:get|fetch|grab)\s+", ("take ", "pick up ", "grip ", "bring ")),
-        (r"\b(?:preheat|anneal|warm\s+up|warm|bake)\s+", ("heat ", "process ")),
+        *(
+            (rf"\b(?:{'|'.join(words)})\s+", tuple(f"{verb} " for verb in verbs))
+            for words, verbs in EVERYDAY_VERBS
+        ),
     )
 )
 
@@ -89,7 +99,21 @@ def _replaced(said: Saying, found: re.Match[str], new: str) -> Saying:
     return Saying(f"{said.text[:start]}{new}{said.text[end:]}", origins)
 
 
+def verbs_meant(text: str, offset: int) -> tuple[str, ...]:
+    """The verbs that a domain may have for the everyday one at a place of a sentence; none if
+    there is none.
+    """
+    for words, verbs in EVERYDAY_VERBS:
+        if re.match(rf"(?:{'|'.join(words)})\b", text[offset:], re.IGNORECASE):
+            return verbs
+    return ()
+
+
 def swapping(text: str) -> int | None:
     """Where a sentence asks to swap things; None if it does not."""
-    found = re.search(r"\b(?:swap|exchange)\b", text, re.IGNORECASE)
+    found = re.search(
+        r"\b(?:swap|exchange|interchange|(?:switch|change|trade)(?=\s+(?:the\s+)?(?:places|positions)))\b",
+        text,
+        re.IGNORECASE,
+    )
     return found.start() if found else None

@@ -39,14 +39,17 @@ ALLOWED_KINDS = {"stage": (Kind.EVENT, Kind.FLUENT), "goal": (Kind.FLUENT, Kind.
 class PhraseMeaning:
     """A phrase ready for use: its pattern, its slots by variable, and the conditions that
     contain them.
+
+    Of a `swap` the condition has a place that is open: that of the other object.
     """
 
     phrase: Phrase
     pattern: Pattern
     slots: tuple[PatternSlot, ...]
     conditions: tuple[Literal, ...]
-    is_stage: bool
-    subject: str
+    is_stage: bool = False
+    subject: str = ""
+    swap: bool = False
 
 
 def read_meanings(domain: Domain) -> list[PhraseMeaning]:

@@ -5,6 +5,7 @@ import re
 import unicodedata
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 from cellwright.kb.commands.clauses import NotUnderstood
 from cellwright.kb.commands.domain_nouns import NounVocabulary
@@ -208,11 +209,15 @@ def find_refusal(
 
 
 def _object_noun(domain: Domain, vocabulary: NounVocabulary) -> str:
-    """What people call an object of the first type that a phrase of the domain is about."""
+    """What people call an object of the first type that a phrase of the domain is about, and of
+    which there is a first and a second one, if there is such a type.
+    """
     slot_types = (
         type_ for phrase in domain.phrases for type_ in re.findall(r"\{\w+:(\w+)\}", phrase.say)
     )
-    subject = next((type_ for type_ in slot_types if type_ in domain.types), "")
+    types = [type_ for type_ in slot_types if type_ in domain.types]
+    rows = (type_ for type_ in types if vocabulary.numbered(type_, Fraction(2)))
+    subject = next(rows, types[0] if types else "")
     return vocabulary.usual_noun(subject) if subject else "object"
 
 

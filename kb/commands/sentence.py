@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -21,7 +22,7 @@ from cellwright.kb.commands.clauses import (
     read_clauses,
 )
 from cellwright.kb.commands.domain_nouns import NounVocabulary
-from cellwright.kb.commands.everyday_wordings import Saying, sayings, swapping
+from cellwright.kb.commands.everyday_wordings import Saying, sayings, swapping, verbs_meant
 from cellwright.kb.commands.exclusion import Exclusion
 from cellwright.kb.commands.object_references import References
 from cellwright.kb.commands.phrase_matching import Book
@@ -37,15 +38,26 @@ from cellwright.kb.commands.phrase_patterns import (
     PatternSlot,
     PatternWord,
     build_phrase_tree,
+    readable_pattern,
 )
 from cellwright.kb.commands.refusals import explain_misunderstanding
 from cellwright.kb.commands.sentence_pieces import SlotWords, UnclearReference
+from cellwright.kb.commands.swaps import StartPlaces, swap_meanings
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.model.conditions import And, Condition, Literal
 from cellwright.kb.model.domain_model import NUMERIC_TYPES, Domain, Kind
 from cellwright.kb.model.planning_problem import Chain, Problem, lasting_fluents
 from cellwright.kb.syntax import MAX_EXPRESSION_INTEGER, unit_seconds
-from cellwright.kb.terms import Atom, Function, Number, Term, Variable, join_stage, substitute_atom
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Number,
+    Term,
+    Variable,
+    is_ground,
+    join_stage,
+    substitute_atom,
+)
 
 MAX_COMMAND_LENGTH = 5_000
 MAX_ACTS = 5_000
@@ -96,6 +108,8 @@ def read_sentence(
         )
     vocabulary = NounVocabulary(domain, {**domain.objects, **problem.objects}, problem.statics)
     known_meanings = read_meanings(domain)
+    if swapping(text) is not None:
+        known_meanings += swap_meanings(domain)
     book = book_of(known_meanings, vocabulary)
     try:
         clauses = read_clauses(book, text)
@@ -130,12 +144,32 @@ def _explained(
     found = explain_misunderstanding(error, text, domain, vocabulary, place)
     begin = swapping(text)
     if begin is None or place(begin) != found.where:
-        return found
+        return _with_phrases_meant(found, error, text, domain)
     hint = (
-        "say where each of them goes: that one of them goes to the place of the other, and "
-        "where the other goes"
+        "swap two objects of a type that takes places: 'swap A and B'; or say where each of them "
+        "goes"
     )
-    return replace(found, message="a swap names no places", hint=hint)
+    return replace(found, message="this is no swap of two things that take places", hint=hint)
+
+
+def _with_phrases_meant(
+    found: Diagnostic, error: NotUnderstood, text: str, domain: Domain
+) -> Diagnostic:
+    """The diagnostic, with the phrases of the domain that come nearest to an everyday verb:
+    "preheat the furnace" where only probes are heated.
+    """
+    offset = error.said[error.index].offset if error.index < len(error.said) else len(text)
+    verbs = verbs_meant(text, offset)
+    phrases = [
+        readable_pattern(phrase.say)
+        for phrase in domain.phrases
+        if any(re.search(rf"(?<!\w){verb}(?!\w)", phrase.say) for verb in verbs)
+    ]
+    if not verbs or not phrases:
+        return found
+    said = text[offset:].split()[0]
+    message = f"'{said}' is not understood here: no phrase of this domain says it of this"
+    return replace(found, message=message, hint=f"say it as: {'; '.join(dict.fromkeys(phrases))}")
 
 
 def book_of(known: Sequence[PhraseMeaning], vocabulary: NounVocabulary) -> Book:
@@ -159,6 +193,7 @@ class _Sentence:
     ) -> None:
         self.domain: Domain = problem.domain
         self.facts = problem.statics
+        self.start = StartPlaces(problem, vocabulary.objects)
         self.known, self.vocabulary, self.place = known, vocabulary, place
 
     def arranged(self, clauses: Sequence[Clause]) -> tuple[Condition, tuple[Chain, ...]]:
@@ -170,8 +205,10 @@ class _Sentence:
             unclear = unclear if later else []
         if unclear:
             raise InvalidInput(unclear)
-        asked = {clause.offset: [*self._acts(clause, values[clause.offset])] for clause in clauses}
+        asked = dict[int, list[SentenceAct]]()
         try:
+            for clause in clauses:
+                asked[clause.offset] = [*self._acts(clause, values[clause.offset], asked)]
             referred = _referred_acts(clauses, asked)
         except UnclearReference as error:
             raise InvalidInput(
@@ -283,9 +320,19 @@ class _Sentence:
             )
         return (Number(int(value)),)
 
-    def _acts(self, clause: Clause, values: Mapping[str, Sequence[Term]]) -> Iterator[SentenceAct]:
-        """One act for each combination of the objects that fill the slots."""
+    def _acts(
+        self,
+        clause: Clause,
+        values: Mapping[str, Sequence[Term]],
+        earlier: Mapping[int, Sequence[SentenceAct]],
+    ) -> Iterator[SentenceAct]:
+        """One act for each combination of the objects that fill the slots; for a swap, one for each
+        of its two objects. `earlier` acts may have moved these.
+        """
         meaning = self.known[clause.form.phrase]
+        if meaning.swap:
+            yield from self._swapped(clause, meaning, values, earlier)
+            return
         own = [slot.variable for slot in meaning.slots if slot.type not in NUMERIC_TYPES]
         count = math.prod(len(choices) for choices in values.values())
         if count > MAX_ACTS:
@@ -299,6 +346,43 @@ class _Sentence:
             )
             named = [bindings[variable] for variable in own]
             yield self._act(clause, meaning, bindings, named)
+
+    def _swapped(
+        self,
+        clause: Clause,
+        meaning: PhraseMeaning,
+        values: Mapping[str, Sequence[Term]],
+        earlier: Mapping[int, Sequence[SentenceAct]],
+    ) -> Iterator[SentenceAct]:
+        """The two acts of a swap: each object goes to the place of the other one."""
+        things = list(dict.fromkeys(itertools.chain(*values.values())))
+        if len(things) != 2:
+            named = ", ".join(map(str, things))
+            raise UnclearReference(
+                clause.offset, f"a swap is of two things, and not of {named}", "name two of them"
+            )
+        fluent = meaning.conditions[0].atom.name
+        places = [self._place(clause, thing, fluent, earlier) for thing in things]
+        for thing, place in zip(things, reversed(places), strict=True):
+            goal = Literal(Function(fluent, (thing, place)))
+            yield self._act(clause, replace(meaning, conditions=(goal,)), {}, [thing])
+
+    def _place(
+        self, clause: Clause, thing: Term, fluent: str, earlier: Mapping[int, Sequence[SentenceAct]]
+    ) -> Term:
+        """Where a thing is when a clause is carried out. Raises `UnclearReference` if nobody says
+        that.
+        """
+        place = self.start.of(thing, fluent)
+        for act in (act for acts in earlier.values() for act in acts if act.subject == thing):
+            own = [part.atom for part in act.literals if part.positive]
+            to = [atom.arguments[1] for atom in own if atom.name == fluent and is_ground(atom)]
+            place = to[0] if to else None
+        if place is None:
+            message = f"nobody can say where {thing} is then, so a swap names no place"
+            hint = f"say where each of the two goes, or give {fluent}({thing}, ...) in the problem"
+            raise UnclearReference(clause.offset, message, hint)
+        return place
 
     def _act(
         self,

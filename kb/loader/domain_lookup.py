@@ -23,6 +23,7 @@ _OTHER_KINDS = {
     "faults": ("a fault base", _WITH_ITS_DOMAIN),
     "contacts": ("a contact model", _WITH_ITS_DOMAIN),
     "arm": ("an arm", "name the domain whose cell uses it"),
+    "device": ("a device", "name a domain that uses it"),
     "data": (
         "an answer",
         "a plan can be explained (with the number of a step), validated, revised and scheduled",

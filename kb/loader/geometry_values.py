@@ -192,7 +192,7 @@ def _read_polyhedron(read: QuantityReader, node: YamlNode) -> Shape:
         for key, _, value in mapping_members(required_child(node, "vertices"))
     }
     faces = [
-        Face(key, _known_vertices(read, value, vertices))
+        Face(key, _known_vertices(read, value, vertices), value.where)
         for key, _, value in mapping_members(child_at(node, "faces"))
     ]
     edges = []

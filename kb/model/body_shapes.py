@@ -94,6 +94,7 @@ class Face:
 
     name: str
     vertices: tuple[str, ...]
+    where: Source = field(default=NOWHERE, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -194,6 +194,7 @@ class Guide:
     lower: float
     upper: float
     follows: str = ""
+    where: Source = field(default=NOWHERE, compare=False)  # of what it follows
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from cellwright.engine.pipelines.explanation.companion_events import find_compan
 from cellwright.engine.pipelines.explanation.helpful_changes import ChangeSearch
 from cellwright.engine.pipelines.explanation.missing_amounts import refill
 from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
+from cellwright.engine.pipelines.explanation.standing_obstacles import obstacle_reasons
 from cellwright.engine.pipelines.explanation.unreachable_goals import (
     GoalOrStage,
     exclusive_goals,
@@ -100,6 +101,7 @@ class _InfeasibilityInquiry:
             advice.untried,
             absent,
             not self.undecided,
+            tuple(obstacle_reasons(self.problem, self.task, changes)),
         )
 
     def _refilled(self) -> tuple[Proved, ...]:

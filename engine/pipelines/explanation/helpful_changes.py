@@ -26,6 +26,7 @@ from cellwright.engine.pipelines.explanation.candidate_edits import (
     single_edits,
 )
 from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
+from cellwright.engine.pipelines.explanation.standing_obstacles import barred_thing, obstacle_of
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.model.conditions import Exists, Literal, goal_parts
 from cellwright.kb.model.planning_problem import Problem
@@ -200,6 +201,7 @@ class ChangeSearch:
     found: list[tuple[Amendment, Found]] = field(default_factory=list)
     _families: set[Family] = field(default_factory=set)
     _removed: set[Atom] = field(default_factory=set)
+    _barred: set[Function] = field(default_factory=set)  # things of the facts that are in the way
     _vain: set[tuple[Edit, ...]] = field(default_factory=set)
     _implied: list[frozenset[Atom]] = field(default_factory=list)
 
@@ -308,6 +310,8 @@ class ChangeSearch:
             self._families.add(edit_family(edit))
         elif edit.removed is not None:
             self._removed.add(edit.removed)
+            if (fact := obstacle_of(edit)) and (thing := barred_thing(self.problem, fact)):
+                self._barred.add(thing)
         if edit.layer != INITIAL:
             grounder = evaluate_statics(apply_amendment(self.problem, Amendment((edit,))))
             self._implied.append(frozenset(grounder.everything()))
@@ -323,14 +327,36 @@ class ChangeSearch:
             return True
         if edit.verb == "change" and edit.removed in self._removed and not _is_renumbering(edit):
             return True
+        if self._barred and self._evades(edit):
+            return True
         return self._computed(edit) and any(
             edit.added in implied_facts for implied_facts in self._implied
+        )
+
+    def _evades(self, edit: Edit) -> bool:
+        """Whether an edit only evades a fact that is in the way: it says of the same thing that it
+        is at hand, or that the goals' things need something else.
+        """
+        added = edit.added
+        if added is None or edit.layer == OBJECT or _is_renumbering(edit):
+            return False
+        if self._barred & {term for term in terms_within(added) if isinstance(term, Function)}:
+            return True
+        known_objects = {*self.problem.objects, *self.problem.domain.objects}
+        wanted_things = _words_in(" ".join(self.culprits)) & known_objects & _words_in(str(added))
+        others = {each.removed for each in self._replacements(Edit(edit.layer, added))}
+        return edit.layer == STATIC and any(
+            wanted_things & _words_in(str(fact)) for fact in {*others, edit.removed} - {None}
         )
 
     def _computed(self, edit: Edit) -> bool:
         return edit.layer == STATIC and edit.fact.name in self.space.computed
 
     def _instead(self, edit: Edit) -> Iterator[Edit]:
+        """The replacements of an addition that nothing found says as much as."""
+        yield from (instead for instead in self._replacements(edit) if not self._dominated(instead))
+
+    def _replacements(self, edit: Edit) -> Iterator[Edit]:
         """Where a fact has one value for each of its other arguments, the new value takes the
         place of the old.
         """
@@ -342,9 +368,7 @@ class ChangeSearch:
             keys = [(*fact.arguments[:place], *fact.arguments[place + 1 :]) for fact in alike]
             own = (*edit.fact.arguments[:place], *edit.fact.arguments[place + 1 :])
             if own in keys and len(set(keys)) == len(keys):
-                instead = Edit(edit.layer, edit.fact, alike[keys.index(own)])
-                if not self._dominated(instead):
-                    yield instead
+                yield Edit(edit.layer, edit.fact, alike[keys.index(own)])
 
     def _rank(self, edit: Edit) -> tuple[object, ...]:
         """First what speaks of the goals' things, then the nearest number."""

@@ -9,17 +9,21 @@ that every tour has.
 
 import numpy as np
 
-from cellwright.engine.kernels.arrays import Longs, Truths
+from cellwright.engine.kernels.arrays import Floats, Longs, Truths
 from cellwright.engine.kernels.cancellation import Interrupted, never
 from cellwright.engine.model.tour_problem import TourProblem, cost_of, tour_violations
-from cellwright.engine.stages.sequencing import symmetric_tours
+from cellwright.engine.stages.sequencing import held_karp_bound, symmetric_tours
 from cellwright.engine.stages.sequencing.city_costs import of_matrix
+from cellwright.engine.stages.sequencing.first_tours import nearest_first_tour
 from cellwright.engine.stages.sequencing.search_limits import TourLimits
 
 LATEST_BEGINNING = 2**60
 SHARPENING_ROUNDS = 3  # in which times and precedence sharpen each other
 NEARLY_NONE = 1e-3  # a time of 0 would be no edge; so many of these are less than 1
 MAX_PATH_VISITS = 400  # up to this number of visits times follow from shortest paths
+MIN_CLUSTERED_CITIES = 20  # so few cities have no clusters
+CLOSE_SHARE = 0.01  # a bound that is so near to the cost needs no clusters
+QUICK_KICKS = 1  # of the search for a tour that the ascent aims at
 EFFORT, STEPS = 200_000_000, 2000  # edges that the ascent looks at, and its steps
 
 
@@ -34,10 +38,7 @@ def directed_lower_bound(problem: TourProblem, upper: int, interrupted: Interrup
     rows, columns = linear_sum_assignment(dear)
     best = int(dear[rows, columns].sum())
     if n >= 3 and not interrupted() and best < upper:
-        either = np.minimum(dear, dear.T)
-        symmetric_bound, penalties = symmetric_tours.tour_lower_bound(
-            either, upper, _ascent_steps(n), interrupted
-        )
+        symmetric_bound, penalties = _either_way_bound(np.minimum(dear, dear.T), upper, interrupted)
         best = max(best, symmetric_bound)
     if n >= 3 and not interrupted() and best < upper:
         begun = np.concatenate((penalties, penalties))
@@ -46,6 +47,23 @@ def directed_lower_bound(problem: TourProblem, upper: int, interrupted: Interrup
         )
         best = max(best, symmetric_bound - n * most)
     return max(0, min(best, upper))
+
+
+def _either_way_bound(costs: Longs, upper: int, interrupted: Interrupted) -> tuple[int, Floats]:
+    """The bound of Held and Karp for costs (n, n) without direction, and its penalties (n,).
+
+    Where changes of tools make clusters, it is raised for whole clusters first.
+    """
+    n = len(costs)
+    plain = symmetric_tours.tour_lower_bound(costs, upper, _ascent_steps(n), interrupted)
+    if n < MIN_CLUSTERED_CITIES or plain[0] >= (1 - CLOSE_SHARE) * upper or interrupted():
+        return plain
+    cities = of_matrix(costs)
+    near = symmetric_tours.tour_candidates(cities, None, interrupted)
+    quick = TourLimits(work=QUICK_KICKS, interrupted=interrupted)
+    tour = symmetric_tours.search_tour(cities, nearest_first_tour(costs), quick, near).order
+    bound, penalties = held_karp_bound.sparse_lower_bound(cities, near, tour, interrupted)
+    return max(plain, (min(bound, upper), penalties), key=lambda bound_pair: bound_pair[0])
 
 
 def _ascent_steps(n: int) -> int:

@@ -65,7 +65,7 @@ def solve_directed(
         order, work = search_directed(problem, best_first_order(problem) or (), limits)
     else:
         order, work = _anneal_order(problem, limits)
-    valid_order: tuple[int, ...] | None = None if tour_violations(problem, order) else order
+    valid_order = _first_valid(problem, order, best_first_order(problem) or ())
     lower = (
         0
         if valid_order is None
@@ -90,6 +90,11 @@ def solve_directed(
         return GaveUp("no order that keeps all windows was found within the limits", "expansions")
     cost = cost_of(problem, valid_order)
     return Tour(valid_order, cost, min(lower, cost), work, "annealing")
+
+
+def _first_valid(problem: TourProblem, *orders: tuple[int, ...]) -> tuple[int, ...] | None:
+    """The first of some orders that keeps all conditions; None if none does."""
+    return next((order for order in orders if not tour_violations(problem, order)), None)
 
 
 def _anneal_order(problem: TourProblem, limits: TourLimits) -> tuple[tuple[int, ...], int]:

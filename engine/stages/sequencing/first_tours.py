@@ -94,3 +94,15 @@ def _untangle_axes(axes: NDArray[np.int64]) -> None:
     for bit in range(HILBERT_BITS - 1, 0, -1):
         turned ^= np.where((axes[-1] & (1 << bit)) != 0, (1 << bit) - 1, 0)
     axes ^= turned
+
+
+def nearest_first_tour(cost: NDArray[np.integer]) -> Order:
+    """A tour that always goes to the nearest city not yet visited."""
+    n, at = len(cost), 0
+    order, unvisited = np.zeros(n, np.int32), np.ones(n, bool)
+    for index in range(1, n):
+        unvisited[at] = False
+        row = np.where(unvisited, cost[at], np.iinfo(cost.dtype).max)
+        at = int(np.argmin(row))
+        order[index] = at
+    return order

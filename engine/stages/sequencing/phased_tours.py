@@ -25,6 +25,7 @@ AT_ONCE, TOGETHER = (
     300,
     1200,
 )  # visits whose phases are bounded together: always, and where time is given to bounds
+TOLLS = (1, 4)  # long ways: the toll of a way to another phase, and what is tried next
 BOUND_KICKS = 1  # kicks of a search that is made for its bound
 
 
@@ -64,26 +65,66 @@ def by_phases(
     """The tour of all phases: by one search from an order on, where `improved` can make one;
     else phase by phase.
     """
-    toll_tour = _toll_tour(problem, limits, improved) if improved is not None else None
-    return _one_by_one(problem, limits, method, solve) if toll_tour is None else toll_tour
+    if improved is None:
+        return _one_by_one(problem, limits, method, solve)
+    opened, way_back = _cut_at_ends(problem)
+    toll_tour, bound = Tour((), 0, 0), 0
+    for toll in TOLLS:
+        toll_tour = _toll_tour(opened, limits, improved, toll)
+        bound = max(bound, toll_tour.lower_bound + way_back)
+        if toll_tour.order or limits.interrupted():
+            break
+    if toll_tour.order:
+        order = tuple(visit for visit in toll_tour.order if visit < len(problem.visits))
+        cost = cost_of(problem, order)
+        return replace(toll_tour, order=order, cost=cost, lower_bound=min(bound, cost))
+    tour = _one_by_one(problem, limits, method, solve)
+    if not isinstance(tour, Tour):
+        return tour
+    return replace(tour, lower_bound=min(tour.cost, max(tour.lower_bound, bound)))
 
 
-def _toll_tour(problem: TourProblem, limits: TourLimits, improved: From) -> Tour | None:
-    """The tour by one search in which a way to another phase costs a toll; None if the best order
-    does not keep the phases.
+def _cut_at_ends(problem: TourProblem) -> tuple[TourProblem, int]:
+    """A closed tour with a given first or last visit as an open one, and the cost of the way back
+    that it lacks.
 
-    An order that pays as few tolls as possible keeps the phases, or does so the other way round.
-    The bound without these tolls holds whatever the toll. A great one would disturb the search,
-    which judges by the mean way.
+    If one of the two is given, a copy of it, in a phase of its own, is the other end.
+    """
+    if not problem.closed or (problem.start is None and problem.end is None):
+        return problem, 0
+    if problem.start is not None and problem.end is not None:
+        back = problem.lengths((problem.end, problem.start))[0]
+        return replace(problem, closed=False), back
+    count, phases = len(problem.visits), [visit.phase for visit in problem.visits]
+    members, forward = [*range(count)], problem.start is not None
+    given = problem.start if forward else problem.end
+    assert given is not None
+    phase = max(phases) + 1 if forward else min(phases) - 1
+    copy = replace(problem.visits[given], phase=phase)
+    travel = _phase_travel(problem.travel, [*members, given])
+    opened = replace(problem, visits=(*problem.visits, copy), travel=travel, closed=False)
+    if forward:
+        return replace(opened, end=count), 0
+    return replace(opened, start=count), 0
+
+
+def _toll_tour(problem: TourProblem, limits: TourLimits, improved: From, tolls: int) -> Tour:
+    """The tour by one search in which a way to another phase costs a toll; without an order if the
+    best one does not keep the phases.
+
+    An order that pays as few tolls as possible keeps the phases, or does so the other way round. A
+    closed tour pays one for the way back, too, from the last phase to the first. The bound without
+    these tolls holds whatever the toll. A great one would disturb the search, which judges by the
+    mean way. It is so many times a long way.
     """
     groups = _phase_groups(problem)
     phase = {visit: number for number, group in enumerate(groups) for visit in group}
     order = tuple(sorted(_neighbour_order(problem), key=lambda visit: phase[visit]))
-    toll = max(problem.lengths(tuple(range(len(order))))) + 1
+    toll, count = tolls * (max(problem.lengths(tuple(range(len(order))))) + 1), len(groups)
     places = sorted({(visit.station, phase[n]) for n, visit in enumerate(problem.visits)})
     shifts = {
         (_phase_place(*first_place), _phase_place(*second_place)): toll
-        * abs(first_place[1] - second_place[1])
+        * _phase_steps(first_place[1], second_place[1], count if problem.closed else 0)
         + problem.shifts.get((first_place[0], second_place[0]), 0)
         for first_place in places
         for second_place in places
@@ -94,15 +135,39 @@ def _toll_tour(problem: TourProblem, limits: TourLimits, improved: From) -> Tour
     )
     work = limits.work or default_work(len(visits))
     improved_tour = improved(
-        replace(problem, visits=visits, shifts=shifts), replace(limits, work=work), order
+        replace(problem, visits=visits, shifts=shifts),
+        replace(limits, work=work),
+        _with_given_ends(problem, order),
     )
-    ways = improved_tour.order if phase[improved_tour.order[0]] == 0 else improved_tour.order[::-1]
-    if tour_violations(problem, ways):
-        return None
-    lower = improved_tour.lower_bound - toll * (len(groups) - 1)
-    return replace(
-        improved_tour, order=ways, cost=cost_of(problem, ways), lower_bound=max(0, lower)
-    )
+    lower = max(0, improved_tour.lower_bound - toll * (count if problem.closed else count - 1))
+    for ways in (improved_tour.order, improved_tour.order[::-1]):
+        turned = _from_first_phase(ways, phase, count) if problem.closed else ways
+        if not tour_violations(problem, turned):
+            cost = cost_of(problem, turned)
+            return replace(improved_tour, order=turned, cost=cost, lower_bound=min(lower, cost))
+    return Tour((), 0, lower)
+
+
+def _phase_steps(one: int, other: int, around: int) -> int:
+    """How many phases one is from another one; in a circle of so many of them, if they are."""
+    apart = abs(one - other)
+    return min(apart, around - apart) if around else apart
+
+
+def _with_given_ends(problem: TourProblem, order: tuple[int, ...]) -> tuple[int, ...]:
+    """The order with the first and the last visit at its ends, if they are given."""
+    ends = {problem.start, problem.end}
+    inner = tuple(visit for visit in order if visit not in ends)
+    first, last = (() if end is None else (end,) for end in (problem.start, problem.end))
+    return (*first, *inner, *last)
+
+
+def _from_first_phase(order: tuple[int, ...], phase: dict[int, int], count: int) -> tuple[int, ...]:
+    """A closed tour from where its last phase ends and its first one begins."""
+    for place, visit in enumerate(order):
+        if phase[order[place - 1]] == count - 1 and phase[visit] == 0:
+            return order[place:] + order[:place]
+    return order
 
 
 def _neighbour_order(problem: TourProblem) -> list[int]:

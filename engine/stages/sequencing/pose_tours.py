@@ -5,7 +5,8 @@ positions. Each visit takes the pose that is nearest to its parent's pose. In a 
 order is still open.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
@@ -13,10 +14,10 @@ import numpy as np
 from cellwright.engine.kernels.arrays import Floats, Ints, Longs
 from cellwright.engine.model.tour_problem import PoseProblem, Tour
 from cellwright.engine.stages.sequencing.city_costs import nearest_cities, of_matrix
+from cellwright.engine.stages.sequencing.first_tours import nearest_first_tour
 from cellwright.engine.stages.sequencing.search_limits import TourLimits
-from cellwright.engine.stages.sequencing.symmetric_tours import Matrix
+from cellwright.engine.stages.sequencing.symmetric_tours import Matrix, tour_lower_bound
 from cellwright.engine.stages.sequencing.symmetric_tours import search_tour as search_order
-from cellwright.engine.stages.sequencing.tour_solver import nearest_first_tour
 
 MAX_FIRST_POSES = 256  # at most this many poses of the first visit are tried
 
@@ -107,7 +108,37 @@ def with_poses(problem: PoseProblem, limits: TourLimits = TourLimits()) -> Tour:
     if len(problem.visits) >= MIN_RUINED_VISITS and not limits.interrupted():
         ring = min((ring, *_of_fields(problem, limits)), key=lambda pose_ring: pose_ring.time)
         ring, work = _search_together(problem, ring, limits)
-    return _pose_tour(problem, ring, work, "together")
+    tour = _pose_tour(problem, ring, work, "together")
+    return replace(tour, lower_bound=pose_tour_bound(problem, tour.cost, limits))
+
+
+def pose_tour_bound(problem: PoseProblem, upper: int, limits: TourLimits = TourLimits()) -> int:
+    """What no closed tour takes less than, in microseconds; at most `upper`.
+
+    From each visit to another one the nearest two of their poses count, so a visit may have one
+    pose for the way in and another for the way out (Held & Karp 1970 on these times).
+    """
+    table, offset = _pose_table(problem)
+    times, n = _least_times(table, offset), len(problem.visits)
+    if n < 3:
+        return min(upper, int(times.sum()))
+    if times.max() > np.iinfo(np.int32).max // 4:
+        return 0
+    return min(upper, tour_lower_bound(times.astype(np.int32), upper, 0, limits.interrupted)[0])
+
+
+def _least_times(table: Floats, offset: Ints) -> Longs:
+    """The times (n, n) between the nearest poses of two visits, in microseconds, rounded down."""
+    least = np.empty((len(offset) - 1, len(offset) - 1), np.int64)
+    for visit, (low, high) in enumerate(pairwise(offset.tolist())):
+        time_s: Floats = np.full(len(table), np.inf)
+        for pose in table[low:high]:
+            np.minimum(time_s, np.abs(table - pose).max(axis=1), out=time_s)
+        microseconds = np.minimum.reduceat(time_s, offset[:-1]) * MICROSECONDS_PER_S
+        least[visit] = np.floor(microseconds * (1 - 1e-12))
+    np.fill_diagonal(least, 0)
+    symmetric: Longs = np.minimum(least, least.T)
+    return symmetric
 
 
 def poses_for(problem: PoseProblem, order: tuple[int, ...]) -> Tour:

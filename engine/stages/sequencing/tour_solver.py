@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cellwright.engine.kernels.arrays import Floats, Ints, Longs
 from cellwright.engine.model.outcome import GaveUp, Infeasible
@@ -16,8 +15,13 @@ from cellwright.engine.stages.sequencing import (
 )
 from cellwright.engine.stages.sequencing.city_costs import CityCosts, of_matrix
 from cellwright.engine.stages.sequencing.directed_tours import best_first_order, solve_directed
-from cellwright.engine.stages.sequencing.first_tours import along_hilbert, chain_tour
+from cellwright.engine.stages.sequencing.first_tours import (
+    along_hilbert,
+    chain_tour,
+    nearest_first_tour,
+)
 from cellwright.engine.stages.sequencing.search_limits import TourLimits
+from cellwright.engine.stages.sequencing.subset_orders import MAX_SUBSET_VISITS, least_order_of
 
 MAX_WINDOW_VISITS = 400  # visits; of more, shortest ways by way of other visits take too long
 
@@ -96,7 +100,26 @@ def sequence_tour(
     and precedence; in other cases the answer is `GaveUp`.
     """
     found = _sequenced(problem, limits, method)
-    return farthest.raised(problem, found, limits.interrupted) if isinstance(found, Tour) else found
+    if not isinstance(found, Tour) or limits.interrupted():
+        return found
+    if method != "chain1987" and limits.proof:
+        found = _proved_by_subsets(problem, found)
+    return farthest.raised(problem, found, limits.interrupted)
+
+
+def _proved_by_subsets(problem: TourProblem, tour: Tour) -> Tour:
+    """The least tour of few visits, where the search has not proved its own; windows are left to
+    the search.
+    """
+    if tour.proved or problem.timed or len(problem.visits) > MAX_SUBSET_VISITS:
+        return tour
+    least = least_order_of(problem)
+    if least is None:
+        return tour
+    cost, order = least
+    return replace(
+        tour, order=order if cost < tour.cost else tour.order, cost=cost, lower_bound=cost
+    )
 
 
 def _sequenced(problem: TourProblem, limits: TourLimits, method: str) -> Answer:
@@ -110,9 +133,11 @@ def _sequenced(problem: TourProblem, limits: TourLimits, method: str) -> Answer:
         return Infeasible(reason)
     if problem.phased and (problem.precedence or problem.timed or n <= MAX_EXACT_VISITS):
         problem = phased_tours.in_pairs(problem)
+        if best_first_order(problem) is None:
+            return Infeasible("the precedence of the visits contradicts their phases")
     if problem.phased:
-        free = not problem.closed and problem.start is None and problem.end is None
-        improved = _tour_from if method == "auto" and free and _is_symmetric(problem) else None
+        plain = method == "auto" and not problem.timed and not problem.precedence
+        improved = _tour_from if plain and _is_symmetric(problem) else None
         return phased_tours.by_phases(problem, limits, method, sequence_tour, improved)
     return _single_visit_tour(problem, method) if n == 1 else _in_one(problem, limits, method)
 
@@ -297,18 +322,6 @@ def _dearest_arc(problem: TourProblem) -> int:
     corners = Metric(problem.travel.kind, np.array((points.min(axis=0), points.max(axis=0))))
     across = corners.between(np.array([0], np.int32), np.array([1], np.int32))
     return int(across[0]) + 1 + int(problem.kinds[1].max(initial=0))
-
-
-def nearest_first_tour(cost: NDArray[np.integer]) -> symmetric_tours.Order:
-    """A tour that always goes to the nearest city not yet visited."""
-    n, at = len(cost), 0
-    order, unvisited = np.zeros(n, np.int32), np.ones(n, bool)
-    for index in range(1, n):
-        unvisited[at] = False
-        row = np.where(unvisited, cost[at], np.iinfo(cost.dtype).max)
-        at = int(np.argmin(row))
-        order[index] = at
-    return order
 
 
 def _visit_positions(problem: TourProblem) -> Floats | None:

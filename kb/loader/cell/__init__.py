@@ -234,11 +234,10 @@ class _CellReader:
     def _check_followers(self, bodies: Mapping[str, Body]) -> None:
         """A body follows one that has a joint, and follows none itself."""
         leaders = {name for name, body in bodies.items() if body.guide and not body.guide.follows}
-        for name, body in bodies.items():
-            if body.guide and body.guide.follows and body.guide.follows not in leaders:
-                where = self.nodes[name].where
+        for guide in (body.guide for body in bodies.values()):
+            if guide and guide.follows and guide.follows not in leaders:
                 self.read.findings.note(
-                    unknown_name("body with a joint", body.guide.follows, leaders, where)
+                    unknown_name("body with a joint", guide.follows, leaders, guide.where)
                 )
 
     def _region(self, name: str, node: YamlNode) -> Region:

@@ -105,7 +105,8 @@ def read_guide(node: YamlNode | None, read: QuantityReader) -> Guide | None:
             node.where, "K707", "the range of the joint is empty", "write the lesser value first"
         )
     follows = child_at(node, "follows")
-    return Guide(kind, _unit_vector(axis, read), lower, upper, follows.value if follows else "")
+    leader, where = (follows.value, follows.where) if follows else ("", node.where)
+    return Guide(kind, _unit_vector(axis, read), lower, upper, leader, where)
 
 
 def _unit_vector(node: YamlNode, read: QuantityReader) -> Vector:

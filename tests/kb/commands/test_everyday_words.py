@@ -30,6 +30,38 @@ def test_an_object_is_called_as_a_fact_says(tmp_path: Path) -> None:
     assert list(map(str, chain.stages)) == ["cooled(probe_2, 300)"]
 
 
+def test_an_everyday_verb_without_a_phrase_shows_the_nearest_ones() -> None:
+    text = "open the drawer, then preheat the furnace"
+    with pytest.raises(InvalidInput) as error:
+        understand_command(load(find_target("themse")).domain, text)
+    (finding,) = error.value.diagnostics
+    assert text[finding.where.column - 1 :] == "preheat the furnace"
+    assert "(process|heat) <probe>" in finding.hint
+
+
+@pytest.mark.parametrize("verb", ["heat up", "turn on", "switch on"])
+def test_a_device_is_preheated_as_the_domain_says(tmp_path: Path, verb: str) -> None:
+    (tmp_path / "domain.yaml").write_text(
+        "domain: kitchen\ntypes: {oven: object}\nobjects: {oven: [oven]}\n"
+        "fluents:\n  hot(oven): {}\noperators:\n  light(O):\n    adds: hot(O)\n"
+        f"commands:\n  phrases:\n    - say: {verb} {{O:oven}}\n      goal: hot(O)\n"
+    )
+    domain = load(tmp_path / "domain.yaml").domain
+    assert str(understand_command(domain, "preheat the oven").goal) == "hot(oven)"
+
+
+@pytest.mark.parametrize(
+    "said", ["the left station", "station left", "left", "the left", "left stand"]
+)
+def test_a_station_is_called_by_its_name(said: str) -> None:
+    problem = load_problem("bulkhead/three_stations")
+    asked = understand_command(problem, f"go to {said}")
+    assert "stands" in str(asked.goal)
+    assert "left" in str(asked.goal)
+    chains = understand_command(problem, f"drive to {said}, then measure b1").chains
+    assert str(chains[0].stages[0]) == "stands(_, left)"
+
+
 def test_an_error_in_a_sentence_said_otherwise_is_at_its_place() -> None:
     text = "heat probe 1 again for 5 min, then put away probe 9"
     with pytest.raises(InvalidInput) as error:

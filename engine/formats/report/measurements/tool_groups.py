@@ -51,6 +51,7 @@ def posed_entry(posed_tour: PosedToolTour) -> dict[str, Any]:
         ],
         "configurations": np.round(posed_tour.configurations, 6).tolist(),
         "cost": posed_tour.tour.cost,
+        "lower_bound": posed_tour.tour.lower_bound,
         "unit": "µs",
         "method": posed_tour.tour.method,
         "work": posed_tour.tour.work,
@@ -121,8 +122,10 @@ def posed_text(tours: Sequence[PosedToolTour], partition: ToolGroups) -> Rendera
     rows = []
     for tour in tours:
         names = ", ".join(tour.problem.visits[visit].name for visit in tour.tour.order)
-        rows.append((tour.tool, tour.arm, f"{tour.tour.cost / 1e6:.2f}", names))
-    return Group(tool_groups_text(partition), TextTable(("tool", "arm", "s", "in order"), rows))
+        times_s = (f"{time_us / 1e6:.2f}" for time_us in (tour.tour.cost, tour.tour.lower_bound))
+        rows.append((tour.tool, tour.arm, *times_s, names))
+    table = TextTable(("tool", "arm", "s", "at least", "in order"), rows)
+    return Group(tool_groups_text(partition), table)
 
 
 def tool_groups_entry(partition: ToolGroups) -> dict[str, Any]:

@@ -40,6 +40,7 @@ def explanation_text(no_plan_explanation: Explanation) -> Text:
         ]
         lines += [f"  {goal}" for goal in no_plan_explanation.goals]
     lines += [f"  because {exclusion}" for exclusion in no_plan_explanation.exclusions]
+    lines += [f"  because {obstacle}" for obstacle in no_plan_explanation.obstacles]
     lines += [f"  {gap}" for gap in no_plan_explanation.gaps]
     if no_plan_explanation.gaps:
         lines.append(
@@ -84,6 +85,7 @@ def explanation_entry(no_plan_explanation: Explanation) -> dict[str, Any]:
     return {
         "goals": list(no_plan_explanation.goals),
         "exclusions": list(no_plan_explanation.exclusions),
+        "obstacles": list(no_plan_explanation.obstacles),
         "reason": no_plan_explanation.reason,
         "untried": no_plan_explanation.untried,
         "gaps": list(no_plan_explanation.gaps),

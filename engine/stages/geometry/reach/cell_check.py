@@ -21,14 +21,15 @@ from cellwright.kb.loader.reader import LoadFindings
 from cellwright.kb.model.body_shapes import Mesh, PlacedShape, Polyhedron
 from cellwright.kb.model.cell_model import Cell
 from cellwright.kb.model.domain_model import Domain
-from cellwright.kb.terms import Atom, Function, Term, natural_key
+from cellwright.kb.plain_terms import plain_terms
+from cellwright.kb.terms import Atom, Function, Number, Term, natural_key
 
 MAX_NAMES_SHOWN = 3
 
 
 def check_cell(
     path: Path,
-    domain: Domain,
+    domain: Domain | None,
     backend: Callable[[], GeometryBackend] | None = None,
     atoms: Collection[Atom] = (),
     located: Collection[str] = (),
@@ -36,8 +37,9 @@ def check_cell(
     """Everything that is wrong with a cell file, in order of place.
 
     `atoms` are those that can become true: the places that they name must have a pose, unless facts
-    give their position (`located`). Without a backend, reach is not checked. Checks that need a
-    correct file run only if the earlier checks found nothing.
+    give their position (`located`). Without a domain, names of its terms are not checked. Without a
+    backend, reach is not checked. Checks that need a correct file run only if the earlier checks
+    found nothing.
     """
     findings = LoadFindings()
     try:
@@ -47,13 +49,16 @@ def check_cell(
     diagnostics = [*findings.diagnostics]
     if select_errors(diagnostics):
         return sorted(set(diagnostics))
-    diagnostics += [
-        *_strange_places(cell, domain),
-        *_strange_facts(cell, domain),
-        *_strange_operations(cell, domain),
-        *_placeless_terms(cell, atoms, located),
-        *(wrong for shape in _cell_shapes(cell) for wrong in _shape_problems(shape)),
-    ]
+    if domain is not None:
+        diagnostics += [
+            *_strange_places(cell, domain),
+            *_strange_facts(cell, domain),
+            *_strange_operations(cell, domain),
+            *_strange_stops(cell, domain),
+            *_strange_arguments(cell, domain),
+            *_placeless_terms(cell, atoms, located),
+        ]
+    diagnostics += [wrong for shape in _cell_shapes(cell) for wrong in _shape_problems(shape)]
     if not select_errors(diagnostics):
         diagnostics += _outside_regions(cell)
     if backend is not None and not select_errors(diagnostics):
@@ -100,6 +105,39 @@ def _strange_operations(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
         elif count != signatures[name]:
             message = f"{name} has {signatures[name]} arguments, not {count}"
             yield Diagnostic(operation.where, "K102", message, "write it as the domain declares it")
+
+
+def _strange_stops(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
+    """Places that an operation goes to and that neither the domain nor the cell knows."""
+    known_names = {*domain.functions, *domain.objects}
+    known_names |= {name.partition("(")[0] for name in cell.places}
+    for operation in cell.operations:
+        for stop in operation.stops:
+            if isinstance(stop, Function) and stop.name not in known_names:
+                yield unknown_name("place", stop.name, known_names, operation.where)
+
+
+def _strange_arguments(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
+    """Places whose term has another number of arguments than the domain declares, or another
+    thing where a number should be.
+    """
+    for name, place in cell.places.items():
+        term = next(iter(plain_terms(name) or ()), None)
+        if (
+            not isinstance(term, Function)
+            or term.name not in domain.functions
+            or not term.arguments
+        ):
+            continue
+        expected, where = domain.functions[term.name].arguments, place.placement.where
+        if len(expected) != len(term.arguments):
+            message = f"{term.name} has {len(expected)} arguments, not {len(term.arguments)}"
+            yield Diagnostic(where, "K102", message, "write it as the domain declares it")
+            continue
+        for argument, type_ in zip(term.arguments, expected, strict=True):
+            if type_ == "int" and not isinstance(argument, Number):
+                hint = f"the domain declares {term.name}({', '.join(expected)})"
+                yield Diagnostic(where, "K103", f"{argument} is no int, in {name}", hint)
 
 
 def _placeless_terms(

@@ -17,7 +17,7 @@ from cellwright.engine.kernels.linear import matmul, norm
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.shapes.hulls import FlatError, hull_triangles
 from cellwright.engine.stages.geometry.shapes.meshes import convex_pieces
-from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.diagnostics import NOWHERE, Diagnostic, InvalidInput
 from cellwright.kb.model.body_shapes import (
     MAX_MAGNITUDE,
     Box,
@@ -375,7 +375,8 @@ def check_polyhedron(shape: Polyhedron) -> list[Diagnostic]:
         size = float(np.ptp(corners, axis=0).max()) if len(corners) else 0.0
         problem, hint = _face_problem(corners, size, middle, convex=not shape.pieces)
         if problem:
-            problems.append(Diagnostic(shape.where, "K702", f"face '{face.name}' {problem}", hint))
+            where = shape.where if face.where == NOWHERE else face.where
+            problems.append(Diagnostic(where, "K702", f"face '{face.name}' {problem}", hint))
     return problems
 
 
