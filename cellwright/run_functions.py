@@ -159,8 +159,8 @@ def resume(
 ) -> Ran:
     """Go on with a run after a stop, a pause or a crash; no command is carried out twice.
 
-    The journal is proved whole before anything is sent. One that a version before 0.3 began has no
-    chain to prove it by, and is taken if `unchained`. Raises `InvalidInput`.
+    The journal is proved whole before anything is sent. One that version 0.2.0 began has no digests
+    to prove it by, and is taken if `unchained`. Raises `InvalidInput`.
     """
     from cellwright.engine.stages.planning import SearchLimits
 

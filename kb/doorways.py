@@ -6,21 +6,15 @@ only what it needs. Type checkers read the same names from the `if TYPE_CHECKING
 test holds both together.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
 
-def open_doorway(
-    room: str, exports: Mapping[str, tuple[str, ...]], libraries: Sequence[str] = ()
-) -> Callable[[str], Any]:
+def open_doorway(room: str, exports: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
     """The `__getattr__` of `room`: a name out of the module in `exports` that has it.
 
     `exports` has the names of each module. A module that begins with a dot is one of the room.
-    `libraries` are large modules that most of the room needs. They are loaded before the first
-    module of the room, because imports inside imports are slow: each adds six calls to the stack,
-    and where a piece of the stack of Python 3.11 ends, each further call allocates the next piece
-    and frees it again.
     """
     module_of = {name: module for module, names in exports.items() for name in names}
 
@@ -28,8 +22,6 @@ def open_doorway(
         """What the room exports by this name. Raises `AttributeError` for any other name."""
         if name not in module_of:
             raise AttributeError(f"module {room!r} has no attribute {name!r}")
-        for library in libraries:
-            import_module(library)
         return getattr(import_module(module_of[name], room), name)
 
     return exported_name

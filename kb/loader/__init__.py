@@ -76,5 +76,4 @@ else:
                 "problem_files",
             ),
         },
-        libraries=("cellwright.kb.schema.form_base",),
     )

@@ -220,7 +220,7 @@ class Journal(Database):
             message = f"the journal of run '{run}' is damaged: {said}"
             raise store_refusal(self.target, message, WHOLE_HINT, "K422")
         if not proved.chained and not unchained:
-            message = f"the journal of run '{run}' has no chain: an older version began it"
+            message = f"the journal of run '{run}' has no digests: an older version began it"
             hint = "--unchained goes on with it: then only its numbers are checked"
             raise store_refusal(self.target, message, hint, "K421")
 

@@ -57,11 +57,14 @@ cdef class InstantSearch:
 
     cdef long long _key(self, long long key) noexcept
 
-    @cython.locals(place=int, operator=int, action=int, guide=TimedRelaxation, line=Timeline, shift=int, step=int)
+    @cython.locals(place=int, operator=int, guide=TimedRelaxation, line=Timeline, shift=int, step=int)
     cdef void _push_helpful(self, int node, int depth, long long key)
 
-    @cython.locals(place=int, operator=int, action=int, guide=TimedRelaxation, line=Timeline)
+    @cython.locals(place=int, operator=int, guide=TimedRelaxation, line=Timeline)
     cdef void _push_all(self, int node, int depth, long long key)
+
+    @cython.locals(place=int, action=int, change=int, line=Timeline)
+    cdef void _push_ends(self, KeyHeap queue, int node, int depth, long long key)
 
     @cython.locals(change=int, place=int, fact=int, guide=TimedRelaxation, line=Timeline)
     cdef bint _is_goal(self)

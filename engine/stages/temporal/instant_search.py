@@ -219,16 +219,7 @@ class InstantSearch:
             operator = guide.helpful[place]
             if operator < guide.actions and line.applicable(operator):
                 self.preferred.push(self.nodes.add(node, operator, depth), self._key(key))
-        for place in range(line.opened):
-            action = line.open_list[place]
-            if line.can_end(action):
-                self.preferred.push(
-                    self.nodes.add(node, line.actions + action, depth), self._key(key + 1)
-                )
-        if line.passed < line.changes:
-            self.preferred.push(
-                self.nodes.add(node, 2 * line.actions + line.passed, depth), self._key(key + 1)
-            )
+        self._push_ends(self.preferred, node, depth, key + 1)
 
     def _push_all(self, node: int, depth: int, key: int) -> None:
         """All instants that may come next."""
@@ -237,16 +228,18 @@ class InstantSearch:
             operator = guide.fits[place]
             if operator < guide.actions and line.applicable(operator):
                 self.every.push(self.nodes.add(node, operator, depth), self._key(key))
+        self._push_ends(self.every, node, depth, key + 1)
+
+    def _push_ends(self, queue: "KeyHeap", node: int, depth: int, key: int) -> None:
+        """The ends of open actions, and the next timed change."""
+        line = self.line
         for place in range(line.opened):
             action = line.open_list[place]
             if line.can_end(action):
-                self.every.push(
-                    self.nodes.add(node, line.actions + action, depth), self._key(key + 1)
-                )
+                queue.push(self.nodes.add(node, line.actions + action, depth), self._key(key))
         if line.passed < line.changes:
-            self.every.push(
-                self.nodes.add(node, 2 * line.actions + line.passed, depth), self._key(key + 1)
-            )
+            change = 2 * line.actions + line.passed
+            queue.push(self.nodes.add(node, change, depth), self._key(key))
 
     def _is_goal(self) -> bool:
         """Whether the goal holds after all that happens by itself."""

@@ -140,7 +140,7 @@ def test_a_journal_of_an_older_version_is_taken_where_that_is_asked_for(tmp_path
         f"UPDATE cellwright_schema SET version = {CURRENT_SCHEMA - 1}",
     )
     assert check_library(target)[0] == []
-    assert "has no chain" in refused(target)
+    assert "has no digests" in refused(target)
     assert refused(target, unchained=True) == ""
     with Journal(target) as journal:
         journal.append("r", [JournalLine(4, 4, "end", {})])

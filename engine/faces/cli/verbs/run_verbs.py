@@ -286,7 +286,7 @@ def resume_named_run(
     unchained: Annotated[
         bool,
         Option(
-            "--unchained", help="go on with a journal that an older version began without a chain"
+            "--unchained", help="go on with a journal that an older version began without digests"
         ),
     ] = False,
     events: Events = "",

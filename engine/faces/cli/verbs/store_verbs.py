@@ -133,7 +133,7 @@ def _proof_text(proof: "JournalProof") -> str:
     if proof.findings:
         return "; ".join(proof.findings)
     if not proof.chained:
-        return "no chain: only the numbers are whole"
+        return "no digests: only the numbers of its lines are checked"
     return "unchanged, sealed by the site's key" if proof.sealed else "unchanged"
 
 

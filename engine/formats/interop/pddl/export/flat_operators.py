@@ -1,4 +1,4 @@
-"""Operators that PDDL can express: tables for constraints, all consequences of their effects."""
+"""Rewrites operators for PDDL: constraints become tables of facts, consequences become effects."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
