@@ -24,6 +24,7 @@ CHILD_NS, PAIR_NS = (
     240.0,
     12.0,
 )  # about nanoseconds for a child of an expanded state, and more for two of its causes
+MOST_ROUNDS, PRICING_NS = 400, 3e8  # steps of the prices of pairs, and their time
 CHILDREN = 40_000_000  # children that the table may have
 
 
@@ -92,7 +93,8 @@ class BracketSearch:
         """Find the prices of pairs that suit the first state that is asked for."""
         pricing, actions = PairPricing(self.beliefs), range(self.beliefs.actions)
         done = [belief.digit_of(self.beliefs, trail, 0, action) > 0 for action in actions]
-        suited = pricing.ascend(pricing.first, weights, np.array(done, np.bool_), self.poll)
+        rounds = min(MOST_ROUNDS, pricing.rounds_within(PRICING_NS))
+        suited = pricing.ascend(pricing.first, weights, np.array(done, np.bool_), rounds, self.poll)
         self.table.pairs = pricing.bounds(pricing.first, suited)
         self.priced = True
 

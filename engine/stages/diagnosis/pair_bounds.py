@@ -27,22 +27,25 @@ OCTAVE, OCTAVES = 3, 12
 POINTS = 2 * OCTAVE * OCTAVES + 1
 RATIOS: Floats = 2.0 ** ((np.arange(POINTS) - OCTAVE * OCTAVES) / OCTAVE)
 STEP = 0.1  # the first step along a subgradient, as a part of a cost
-MOST_USES = 2.0  # uses that count, so that a price does not leap
+LEAST_SLOPES = 1e-3  # of sums of squares that steps are divided by
+RECENT = 0.05  # the part of the last prices in their mean
 ROUGH_SWEEPS, ROUGH = 12, 1e-3  # of a value iteration whose result only leads the prices
-SWEEPS, SETTLED = 200, 1e-6  # of one whose result is a bound
-MOST_ROUNDS = 200  # steps along subgradients
-ROUNDS_NS, STEP_NS = 2e8, 1.5  # about nanoseconds of all steps, and of one point of one outcome
+SWEEPS, SETTLED = 3000, 1e-6  # of one whose result is a bound
+STEP_NS = 1.5  # about nanoseconds for one point of one outcome in a sweep
 
 
 @dataclass(frozen=True, slots=True)
 class PriceShares:
     """Prices of the actions (P, A, 2) and losses of the conclusions (P, G, 2) of each pair, under
     its first and its second cause; and the losses (G, C) that each cause is charged by itself.
+
+    `slopes` (P, A, 2) are sums of squares of subgradients of the prices so far.
     """
 
     prices: Floats
     losses: Floats
     sole: Floats
+    slopes: Floats
 
 
 def no_pairs(problem: Beliefs) -> PairBounds:
@@ -92,24 +95,34 @@ class PairPricing:
             sole[number] = share.sole.min(axis=0)
         return PairBounds(RATIOS, values, excess, sole, self.order)
 
-    def ascend(self, shares: PriceShares, weights: Floats, done: Truths, poll: Poll) -> PriceShares:
-        """Better shares at a belief; `done` (A,) are actions that are not open."""
-        best, most, now = shares, -np.inf, shares
-        steps = self.pairs.count * self.problem.actions * self.problem.outcomes * POINTS
-        rounds = min(MOST_ROUNDS, 1 + int(ROUNDS_NS / (STEP_NS * ROUGH_SWEEPS * steps)))
+    def rounds_within(self, nanoseconds: float) -> int:
+        """How many steps take about so long."""
+        work = self.pairs.count * self.problem.actions * self.problem.outcomes * POINTS
+        return 1 + int(nanoseconds / (STEP_NS * ROUGH_SWEEPS * work))
+
+    def ascend(
+        self, shares: PriceShares, weights: Floats, done: Truths, rounds: int, poll: Poll
+    ) -> PriceShares:
+        """Better shares at a belief; `done` (A,) are actions that are not open.
+
+        Steps along subgradients, each price with a size of its own (Duchi, Hazan & Singer 2011):
+        some tests would be repeated hundreds of times at a price near 0. The mean of the last
+        prices is better than any of them, because the bound is concave in the prices.
+        """
+        prices, slopes, mean = shares.prices, shares.slopes, shares.prices
         ones, twos = weights[self.one], weights[self.two]
         self.pairs.values[:] = 0.0
         for step in range(rounds):
             if poll.check():
                 break
-            self.pairs.solve(now.prices, now.losses, ROUGH_SWEEPS, ROUGH)
-            acts = self.pairs.usage(ones, twos)
-            value = self._value(now, weights, done)
-            if value > most:
-                best, most = now, value
-            size = STEP / np.sqrt(1.0 + step)
-            now = replace(now, prices=self._raised(now.prices, acts, done, size))
-        return best
+            self.pairs.solve(prices, shares.losses, ROUGH_SWEEPS, ROUGH)
+            slope = self._subgradient(prices, self.pairs.usage(ones, twos), done)
+            slopes = slopes + slope * slope
+            size = STEP * self.cost[None, :, None] / np.sqrt(slopes + LEAST_SLOPES)
+            prices = np.where(self.priced, np.maximum(0.0, prices + size * slope), 0.0)
+            part = max(RECENT, 1.0 / (step + 1))
+            mean = (1.0 - part) * mean + part * prices
+        return replace(shares, prices=mean, slopes=slopes)
 
     def _problems(self) -> PairProblems:
         """The pairs as arrays for the kernel."""
@@ -161,7 +174,7 @@ class PairPricing:
         sole = self._sole_losses()
         rest = (problem.losses - np.where(np.isinf(sole), 0.0, sole)) / max(1, problem.causes - 1)
         losses = np.stack([rest[:, self.one], rest[:, self.two]], axis=2).transpose(1, 0, 2)
-        return PriceShares(prices, np.ascontiguousarray(losses), sole)
+        return PriceShares(prices, np.ascontiguousarray(losses), sole, np.zeros_like(prices))
 
     def _sole_losses(self) -> Floats:
         """What of each loss (G, C) a cause is charged by itself.
@@ -189,26 +202,12 @@ class PairPricing:
         above: Floats = prices[self.row, :, self.side].sum(axis=1) - self.cost
         return np.ascontiguousarray(np.maximum(0.0, above).T)
 
-    def _value(self, shares: PriceShares, weights: Floats, done: Truths) -> float:
-        """The sum over pairs at the last values, less what is paid back."""
-        ones, twos = weights[self.one], weights[self.two]
-        some = (ones > 0.0) & (twos > 0.0)
-        ratio = np.divide(ones, twos, out=np.ones_like(ones), where=some)
-        inner = self.pairs.values[:, POINTS : 2 * POINTS]
-        parts = [
-            twos[p] * np.interp(ratio[p], RATIOS, inner[p]) for p in np.flatnonzero(some).tolist()
-        ]
-        paid = self._excess(shares.prices)[~done].sum(axis=0) @ weights
-        return float(sum(parts) - paid)
-
-    def _raised(self, prices: Floats, uses: Floats, done: Truths, size: float) -> Floats:
-        """Prices after a step along the subgradient: up by the uses, and down by the one use that
-        is paid back where prices are together as high as the cost.
+    def _subgradient(self, prices: Floats, uses: Floats, done: Truths) -> Floats:
+        """Of the bound, for each price in parts of the weight: up by the uses, and down by the one
+        use that is paid back where prices are together as high as the cost.
         """
-        used = np.minimum(uses[self.row, :, self.side], MOST_USES)
         above = prices[self.row, :, self.side].sum(axis=1) > self.cost * (1.0 - 1e-9)
         paid = np.where(above & ~done, 1.0, 0.0)[:, None, :]
-        step = np.zeros_like(prices)
-        step[self.row, :, self.side] = size * self.cost * (used - paid)
-        raised: Floats = np.where(self.priced, np.maximum(0.0, prices + step), 0.0)
-        return raised
+        slope = np.zeros_like(prices)
+        slope[self.row, :, self.side] = uses[self.row, :, self.side] - paid
+        return slope

@@ -22,9 +22,9 @@ from cellwright.engine.stages.diagnosis.kernels.belief import (
     floor_of,
 )
 
-CHANCE = 1e-9  # a part of the weight that is no longer followed
+CHANCE = 1e-6  # a part of the weight that is no longer followed
 TINY = 1e-200  # so that nothing is divided by 0
-DEPTH = 40  # steps after which usage is no longer counted
+DEPTH = 400  # steps after which usage is no longer counted
 
 
 class PairProblems:

@@ -87,13 +87,12 @@ def _paired(modules: Modules, problem: Troubleshooting) -> object:
     with pytest.MonkeyPatch.context() as patch:
         for name in ("PairProblems", "PairBounds"):
             patch.setattr(pair_bounds, name, getattr(pairing, name))
-        patch.setattr(pair_bounds, "MOST_ROUNDS", 2)
         patch.setattr(pair_bounds, "SWEEPS", 6)
         if problem.certainty < 1.0 or known.causes < 2:
             return pair_bounds.no_pairs(known)
         pricing, done = pair_bounds.PairPricing(known), np.zeros(known.actions, np.bool_)
         weights = search_arrays.prior_weights(problem)
-        suited = pricing.ascend(pricing.first, weights, done, Poll())
+        suited = pricing.ascend(pricing.first, weights, done, 2, Poll())
         return pricing.bounds(pricing.first, suited)
 
 

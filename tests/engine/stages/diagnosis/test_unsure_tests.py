@@ -141,7 +141,9 @@ def test_prices_that_suit_a_belief_give_a_bound_there_and_elsewhere(
     if beliefs.causes < 2:
         return
     pricing = PairPricing(beliefs)
-    suited = pricing.ascend(pricing.first, weights, np.zeros(beliefs.actions, np.bool_), Poll())
+    suited = pricing.ascend(
+        pricing.first, weights, np.zeros(beliefs.actions, np.bool_), 100, Poll()
+    )
     for belief_weights in (weights, np.roll(weights, 1)):
         at = at_belief(problem, tuple(map(float, belief_weights)))
         trail = Trail(beliefs, belief_weights, 0)
@@ -165,7 +167,9 @@ def test_prices_that_suit_a_belief_bring_its_bound_near_to_the_least_cost(seed: 
     problem = Troubleshooting(names(2), (0.6, 0.4), (*tests, *repairs), (stop,))
     beliefs, weights = search_arrays.belief_arrays(problem), search_arrays.prior_weights(problem)
     pricing = PairPricing(beliefs)
-    suited = pricing.ascend(pricing.first, weights, np.zeros(beliefs.actions, np.bool_), Poll())
+    suited = pricing.ascend(
+        pricing.first, weights, np.zeros(beliefs.actions, np.bool_), 100, Poll()
+    )
     least, _, _ = bracketed(problem)
     floor = pairs_floor(suited, pricing, Trail(beliefs, weights, 0))
     assert 0.97 * least <= floor <= least * (1 + 1e-9)
