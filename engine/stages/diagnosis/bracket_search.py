@@ -22,9 +22,9 @@ CLOSE = 1e-10  # relative distance of bounds that count as equal
 MOST_CAUSES, MOST_CHILDREN = 16, 160
 CHILD_NS, PAIR_NS = (
     240.0,
-    12.0,
+    8.0,
 )  # about nanoseconds for a child of an expanded state, and more for two of its causes
-MOST_ROUNDS, PRICING_NS = 400, 3e8  # steps of the prices of pairs, and their time
+MOST_ROUNDS, PRICING_NS = 600, 4e8  # steps of the prices of pairs, and their time
 CHILDREN = 40_000_000  # children that the table may have
 
 
@@ -95,7 +95,7 @@ class BracketSearch:
         done = [belief.digit_of(self.beliefs, trail, 0, action) > 0 for action in actions]
         rounds = min(MOST_ROUNDS, pricing.rounds_within(PRICING_NS))
         suited = pricing.ascend(pricing.first, weights, np.array(done, np.bool_), rounds, self.poll)
-        self.table.pairs = pricing.bounds(pricing.first, suited)
+        self.table.pairs = pricing.bounds(suited)
         self.priced = True
 
     def _grow(self) -> bool:

@@ -49,15 +49,10 @@ class PriceShares:
 
 
 def no_pairs(problem: Beliefs) -> PairBounds:
-    """No bounds by pairs: for a problem of one cause, or one whose value is not concave."""
-    causes, pairs = problem.causes, problem.causes * (problem.causes - 1) // 2
-    return PairBounds(
-        RATIOS,
-        np.zeros((0, pairs, POINTS)),
-        np.zeros((0, problem.actions, causes)),
-        np.zeros((0, causes)),
-        np.full((causes, 1), -1, np.int64),
-    )
+    """No bound by pairs: for a problem of one cause, or one whose value is not concave."""
+    excess, sole = np.zeros((problem.actions, problem.causes)), np.zeros(problem.causes)
+    cures = np.full((problem.causes, 1), -1, np.int64)
+    return PairBounds(RATIOS, np.zeros((0, POINTS)), excess, sole, cures)
 
 
 class PairPricing:
@@ -82,18 +77,13 @@ class PairPricing:
         self.first = self._first_shares()
         self.order = self._cure_order()
 
-    def bounds(self, *shares: PriceShares) -> PairBounds:
-        """The bounds that some shares give; the largest of them counts at each state."""
-        values = np.zeros((len(shares), len(self.one), POINTS))
-        excess = np.zeros((len(shares), *self.cures.shape))
-        sole = np.zeros((len(shares), self.problem.causes))
-        for number, share in enumerate(shares):
-            self.pairs.values[:] = 0.0
-            self.pairs.solve(share.prices, share.losses, SWEEPS, SETTLED)
-            values[number] = self.pairs.values[:, POINTS : 2 * POINTS]
-            excess[number] = self._excess(share.prices)
-            sole[number] = share.sole.min(axis=0)
-        return PairBounds(RATIOS, values, excess, sole, self.order)
+    def bounds(self, shares: PriceShares) -> PairBounds:
+        """The bound that some shares give."""
+        self.pairs.values[:] = 0.0
+        self.pairs.solve(shares.prices, shares.losses, SWEEPS, SETTLED)
+        values = self.pairs.values[:, POINTS : 2 * POINTS].copy()
+        sole = shares.sole.min(axis=0)
+        return PairBounds(RATIOS, values, self._excess(shares.prices), sole, self.order)
 
     def rounds_within(self, nanoseconds: float) -> int:
         """How many steps take about so long."""

@@ -62,29 +62,26 @@ cdef double arrive(PairProblems pairs, long long at, double part, double kept) n
 
 @cython.final
 cdef class PairBounds:
-    cdef readonly Py_ssize_t sets, last, repairs
+    cdef readonly Py_ssize_t count, last, repairs
     cdef double octave, step
-    cdef const double[::1] ratios
-    cdef const double[:, :, ::1] values, excess
-    cdef const double[:, ::1] total, sole
+    cdef const double[::1] ratios, total, sole
+    cdef const double[:, ::1] values, excess
     cdef const long long[:, ::1] cures
-    cdef double[::1] sums, places
+    cdef double[::1] places
 
 @cython.locals(least=double, place=Py_ssize_t, action="long long", chance=double, cost=double, after=double)
 cdef double cost_alone(
-    PairBounds bounds, Beliefs problem, Trail trail, Py_ssize_t level, Py_ssize_t number, Py_ssize_t cause
+    PairBounds bounds, Beliefs problem, Trail trail, Py_ssize_t level, Py_ssize_t cause
 ) noexcept
 
-@cython.locals(
-    number=Py_ssize_t, total=double, place=Py_ssize_t, cause=Py_ssize_t, alone=double, action=Py_ssize_t
-)
-cdef void _charge_causes(PairBounds bounds, Beliefs problem, Trail trail, Py_ssize_t level) noexcept
+@cython.locals(total=double, place=Py_ssize_t, cause=Py_ssize_t, alone=double, action=Py_ssize_t)
+cdef double charged(PairBounds bounds, Beliefs problem, Trail trail, Py_ssize_t level) noexcept
 
 @cython.locals(
-    best=double, count=Py_ssize_t, place=Py_ssize_t, cause=Py_ssize_t, later=Py_ssize_t, two=Py_ssize_t,
-    earlier=Py_ssize_t, one=Py_ssize_t, pair=Py_ssize_t, at=double, number=Py_ssize_t
+    least=double, total=double, count=Py_ssize_t, place=Py_ssize_t, cause=Py_ssize_t, later=Py_ssize_t, two=Py_ssize_t,
+    earlier=Py_ssize_t, one=Py_ssize_t, pair=Py_ssize_t, at=double
 )
 cpdef double floor_in_pairs(PairBounds bounds, Beliefs problem, Trail trail, Py_ssize_t level) noexcept
 
-@cython.locals(point=Py_ssize_t, low=double, high=double, number=Py_ssize_t)
-cdef void add_pair(PairBounds bounds, Py_ssize_t pair, double at, double one, double two) noexcept
+@cython.locals(point=Py_ssize_t, high=double)
+cdef double pair_value(PairBounds bounds, Py_ssize_t pair, double at, double one, double two) noexcept

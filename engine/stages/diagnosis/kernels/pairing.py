@@ -220,42 +220,40 @@ def arrive(pairs: PairProblems, at: int, part: float, kept: float) -> float:
 
 
 class PairBounds:
-    """S lower bounds of a problem, each a sum over pairs of causes; the largest of them counts.
+    """A lower bound of a problem, the sum over pairs of causes.
 
-    `values` (S, P, N) at `ratios` (N,). `excess` (S, A, C) is by how much the prices of an action
-    under a cause are together above its cost: allowed, because it is paid back for every action
-    that is still to be done once at most. `sole` (S, C) is the least loss that is charged for a
-    cause by itself, `cures` (C, M) the repairs that are charged to it, the worst ones first; then
-    -1.
+    `values` (P, N) are those of the pairs at `ratios` (N,); none if there is no bound. `excess`
+    (A, C) is by how much the prices of an action under a cause are together above its cost:
+    allowed, because it is paid back for every action that is still to be done once at most. `sole`
+    (C,) is the least loss that is charged for a cause by itself, `cures` (C, M) the repairs that
+    are charged to it, the worst ones first; then -1.
     """
 
     def __init__(
         self, ratios: Floats, values: Floats, excess: Floats, sole: Floats, cures: Longs
     ) -> None:
         """Raises `ValueError` if the shapes do not agree."""
-        sets, causes = sole.shape
+        causes = len(sole)
         pairs, points = causes * (causes - 1) // 2, len(ratios)
-        if values.shape != (sets, pairs, points) or excess.shape[::2] != (sets, causes):
+        if values.shape not in ((pairs, points), (0, points)) or excess.shape[1] != causes:
             raise ValueError(
                 f"values of {pairs} pairs at {points} points were expected, not {values.shape}"
             )
         if len(cures) != causes or points < 2:
             raise ValueError(f"repairs of {causes} causes were expected, not {cures.shape}")
-        self.sets, self.last, self.repairs = sets, points - 1, cures.shape[1]
+        self.count, self.last, self.repairs = len(values), points - 1, cures.shape[1]
         self.octave = 1.0 / math.log2(ratios[1] / ratios[0])
         self.step = ratios[1] / ratios[0] - 1.0
         self.ratios, self.values, self.excess = real(ratios), real(values), real(excess)
-        self.total, self.sole, self.cures = real(excess.sum(axis=1)), real(sole), whole(cures)
-        self.sums, self.places = real(np.zeros(sets)), real(np.zeros(causes))
+        self.total, self.sole, self.cures = real(excess.sum(axis=0)), real(sole), whole(cures)
+        self.places = real(np.zeros(causes))
 
 
-def cost_alone(
-    bounds: PairBounds, problem: Beliefs, trail: Trail, level: int, number: int, cause: int
-) -> float:
+def cost_alone(bounds: PairBounds, problem: Beliefs, trail: Trail, level: int, cause: int) -> float:
     """What a cause costs by itself: the repairs that may cure it and were not tried, then a
     stop.
     """
-    least = bounds.sole[number, cause]
+    least = bounds.sole[cause]
     for place in range(bounds.repairs):
         action = bounds.cures[cause, place]
         if action < 0:
@@ -271,31 +269,27 @@ def cost_alone(
     return least
 
 
-def _charge_causes(bounds: PairBounds, problem: Beliefs, trail: Trail, level: int) -> None:
-    """Begin the sums with what causes cost by themselves, less what prices are above costs."""
-    for number in range(bounds.sets):
-        total = 0.0
-        for place in range(trail.counts[level]):
-            cause = trail.members[level, place]
-            alone = cost_alone(bounds, problem, trail, level, number, cause)
-            total += trail.weights[level, cause] * (alone - bounds.total[number, cause])
-        bounds.sums[number] = total
+def charged(bounds: PairBounds, problem: Beliefs, trail: Trail, level: int) -> float:
+    """What causes cost by themselves, less what prices of open actions are above costs."""
+    total = 0.0
+    for place in range(trail.counts[level]):
+        cause = trail.members[level, place]
+        alone = cost_alone(bounds, problem, trail, level, cause) - bounds.total[cause]
+        total += trail.weights[level, cause] * alone
     for action in range(problem.actions):
         if digit_of(problem, trail, level, action):
             for place in range(trail.counts[level]):
                 cause = trail.members[level, place]
-                for number in range(bounds.sets):
-                    bounds.sums[number] += (
-                        trail.weights[level, cause] * bounds.excess[number, action, cause]
-                    )
+                total += trail.weights[level, cause] * bounds.excess[action, cause]
+    return total
 
 
 def floor_in_pairs(bounds: PairBounds, problem: Beliefs, trail: Trail, level: int) -> float:
     """A lower bound of the value of a state."""
-    best, count = floor_of(problem, trail, level), trail.counts[level]
-    if bounds.sets == 0 or count < 2:
-        return best
-    _charge_causes(bounds, problem, trail, level)
+    least, count = floor_of(problem, trail, level), trail.counts[level]
+    if bounds.count == 0 or count < 2:
+        return least
+    total = charged(bounds, problem, trail, level)
     for place in range(count):
         cause = trail.members[level, place]
         bounds.places[place] = bounds.octave * math.log2(trail.weights[level, cause])
@@ -305,24 +299,19 @@ def floor_in_pairs(bounds: PairBounds, problem: Beliefs, trail: Trail, level: in
             one = trail.members[level, earlier]
             at = bounds.places[earlier] - bounds.places[later] + 0.5 * bounds.last
             pair = two * (two - 1) // 2 + one
-            add_pair(bounds, pair, at, trail.weights[level, one], trail.weights[level, two])
-    for number in range(bounds.sets):
-        best = max(best, bounds.sums[number])
-    return best
+            total += pair_value(
+                bounds, pair, at, trail.weights[level, one], trail.weights[level, two]
+            )
+    return max(least, total)
 
 
-def add_pair(bounds: PairBounds, pair: int, at: float, one: float, two: float) -> None:
-    """Add the values of a pair with these weights to the sums; `at` is where their ratio lies."""
+def pair_value(bounds: PairBounds, pair: int, at: float, one: float, two: float) -> float:
+    """The value of a pair with these weights; `at` is where their ratio lies."""
     if at >= bounds.last:
-        point, low, high = bounds.last - 1, 0.0, two
-    elif at <= 0.0:
-        point, low, high = 0, one * bounds.ratios[bounds.last], 0.0
-    else:
-        point = int(at)
-        high = (one / bounds.ratios[point] - two) / bounds.step
-        high = min(two, max(0.0, high))
-        low = two - high
-    for number in range(bounds.sets):
-        bounds.sums[number] += (
-            low * bounds.values[number, pair, point] + high * bounds.values[number, pair, point + 1]
-        )
+        return two * bounds.values[pair, bounds.last]
+    if at <= 0.0:
+        return one * bounds.ratios[bounds.last] * bounds.values[pair, 0]
+    point = int(at)
+    high = (one / bounds.ratios[point] - two) / bounds.step
+    high = min(two, max(0.0, high))
+    return (two - high) * bounds.values[pair, point] + high * bounds.values[pair, point + 1]

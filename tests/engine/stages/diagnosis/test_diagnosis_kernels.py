@@ -93,7 +93,7 @@ def _paired(modules: Modules, problem: Troubleshooting) -> object:
         pricing, done = pair_bounds.PairPricing(known), np.zeros(known.actions, np.bool_)
         weights = search_arrays.prior_weights(problem)
         suited = pricing.ascend(pricing.first, weights, done, 2, Poll())
-        return pricing.bounds(pricing.first, suited)
+        return pricing.bounds(suited)
 
 
 def _bracketed(
