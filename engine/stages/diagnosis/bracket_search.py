@@ -11,10 +11,10 @@ from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.cancellation import Poll
 from cellwright.engine.model.troubleshooting import Troubleshooting
 from cellwright.engine.stages.diagnosis import search_arrays
-from cellwright.engine.stages.diagnosis.kernels import bracket
+from cellwright.engine.stages.diagnosis.kernels import belief, bracket
 from cellwright.engine.stages.diagnosis.kernels.belief import Beliefs, Trail
 from cellwright.engine.stages.diagnosis.kernels.bracket import Brackets
-from cellwright.engine.stages.diagnosis.pair_bounds import RATIOS, no_pairs, pair_bounds
+from cellwright.engine.stages.diagnosis.pair_bounds import PairPricing, no_pairs
 
 FIRST_STATES, FIRST_ROOM = 1 << 12, 1 << 8
 CLOSE = 1e-10  # relative distance of bounds that count as equal
@@ -22,8 +22,9 @@ CLOSE = 1e-10  # relative distance of bounds that count as equal
 MOST_CAUSES, MOST_CHILDREN = 16, 160
 CHILD_NS, PAIR_NS = (
     240.0,
-    12.0,
+    8.0,
 )  # about nanoseconds for a child of an expanded state, and more for two of its causes
+MOST_ROUNDS, PRICING_NS = 600, 4e8  # steps of the prices of pairs, and their time
 CHILDREN = 40_000_000  # children that the table may have
 
 
@@ -37,13 +38,12 @@ class BracketSearch:
     beliefs: Beliefs
     poll: Poll = field(default_factory=Poll)
     table: Brackets = field(init=False)
+    priced: bool = field(init=False)
 
     def __post_init__(self) -> None:
+        self.table = Brackets(self.beliefs, no_pairs(self.beliefs), FIRST_STATES, FIRST_ROOM)
         concave = self.beliefs.slack == 0.0 and bool(np.isfinite(self.beliefs.known).all())
-        pairs = pair_bounds(self.beliefs) if concave else no_pairs()
-        self.table = Brackets(
-            self.beliefs, RATIOS, pairs.values, pairs.repairs, FIRST_STATES, FIRST_ROOM
-        )
+        self.priced = not concave or self.beliefs.causes < 2
 
     @property
     def spent(self) -> int:
@@ -66,6 +66,8 @@ class BracketSearch:
         The action is -1 to stop. Following such actions costs no more than the upper bound.
         """
         trail, last = Trail(self.beliefs, weights, rest, self.poll), self.spent + expansions
+        if not self.priced:
+            self._price_pairs(trail, weights)
         while True:
             state = bracket.search(self.table, trail, limit, last - self.spent, CLOSE)
             if not self.table.full or not self._grow():
@@ -86,6 +88,15 @@ class BracketSearch:
                     after, search_arrays.rest_after(problem, action, outcome, rest)
                 )[0]
         return total
+
+    def _price_pairs(self, trail: Trail, weights: Floats) -> None:
+        """Find the prices of pairs that suit the first state that is asked for."""
+        pricing, actions = PairPricing(self.beliefs), range(self.beliefs.actions)
+        done = [belief.digit_of(self.beliefs, trail, 0, action) > 0 for action in actions]
+        rounds = min(MOST_ROUNDS, pricing.rounds_within(PRICING_NS))
+        suited = pricing.ascend(pricing.first, weights, np.array(done, np.bool_), rounds, self.poll)
+        self.table.pairs = pricing.bounds(suited)
+        self.priced = True
 
     def _grow(self) -> bool:
         """Take a larger table, unless the search was stopped or the table is as large as it may

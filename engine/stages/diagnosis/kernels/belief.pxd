@@ -17,8 +17,8 @@ cdef class Beliefs:
     cdef const long long[:, ::1] _shown, _following
     cdef const unsigned char[:, ::1] _ends
     cdef const unsigned char[::1] _repairs
-    cdef const double[:, ::1] _costs, _losses
-    cdef const double[::1] _known
+    cdef const double[:, ::1] _costs, _losses, _cures
+    cdef const double[::1] _known, _least
     cdef const long long[::1] _shifts, _widths, _before
 
 @cython.final
@@ -58,7 +58,7 @@ cpdef double stop(Beliefs problem, Trail trail, Py_ssize_t level) noexcept
 cpdef double floor_of(Beliefs problem, Trail trail, Py_ssize_t level) noexcept
 
 @cython.locals(width="long long", shift="long long", word="unsigned long long", one="unsigned long long")
-cdef long long digit_of(Beliefs problem, Trail trail, Py_ssize_t level, Py_ssize_t action) noexcept
+cpdef long long digit_of(Beliefs problem, Trail trail, Py_ssize_t level, Py_ssize_t action) noexcept
 
 @cython.locals(earlier="long long")
 cpdef bint is_done(Beliefs problem, Trail trail, Py_ssize_t level, Py_ssize_t action) noexcept

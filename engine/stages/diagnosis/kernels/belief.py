@@ -49,7 +49,8 @@ class Beliefs:
         one, in `widths` (A,) bits (0 if it is certain). A conclusion is allowed where the causes
         that forbid it have at most the part `slack` of the weight. `before` (A,) is the action of
         which an action is a repetition, else -1: repetitions come one after the other, and which of
-        them had which outcome does not matter.
+        them had which outcome does not matter. Beside them stand the least costs (A,) in any
+        situation, and the chances (A, C) that an action ends the case.
         """
         self.actions, self.outcomes, self.causes = likelihoods.shape
         self.conclusions, self.changes = len(losses), len(costs)
@@ -74,6 +75,8 @@ class Beliefs:
         self._costs, self._following = real(costs), whole(following)
         self._losses, self._known, self._shifts = real(losses), real(known), whole(shifts)
         self._widths = whole(widths)
+        self._least = real(costs.min(axis=0))
+        self._cures = real((likelihoods * ends[:, :, None]).sum(axis=1))
 
 
 class Trail:

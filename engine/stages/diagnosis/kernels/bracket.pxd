@@ -1,10 +1,10 @@
 # The types with which Cython compiles bracket.py. That file says what they mean.
 import cython
-cimport libc.math as math
 from cellwright.engine.stages.diagnosis.kernels.belief cimport (
-    Beliefs, Trail, floor_of, is_done, situation_of, stop, tells
+    Beliefs, Trail, is_done, situation_of, stop, tells
 )
 from cellwright.engine.stages.diagnosis.kernels.memo cimport Keys
+from cellwright.engine.stages.diagnosis.kernels.pairing cimport PairBounds, floor_in_pairs
 
 cdef unsigned long long MASK, SPREAD, MIX
 cdef double inf, NARROW
@@ -13,20 +13,14 @@ cdef long long NONE, USELESS, STOP
 @cython.final
 cdef class Brackets:
     cdef Beliefs problem
-    cdef readonly object given
+    cdef public PairBounds pairs
     cdef readonly long long length, room, states, expanded
-    cdef readonly bint full, paired
+    cdef readonly bint full
     cdef Keys keys
-    cdef const double[:, :, ::1] pairs
-    cdef const long long[:, ::1] unsure
-    cdef const double[::1] ratios
     cdef long long[::1] index, tried
     cdef readonly double[::1] low, high
     cdef double[::1] mass, left
-    cdef const double[:, ::1] cures
     cdef const long long[::1] repairs
-    cdef double octave
-    cdef Py_ssize_t last, bits
     cdef readonly long long[::1] choice, first, children
     cdef readonly Py_ssize_t width
 
@@ -43,21 +37,6 @@ cdef class Brackets:
 
     @cython.locals(larger=Brackets, state="long long", place="long long")
     cpdef Brackets grown(self, long long length, long long room)
-
-@cython.locals(place=double, part=double, point=Py_ssize_t, share=double)
-cdef double pair_value(
-    Brackets table, Py_ssize_t pair, long long tried, double one, double two, double known_one, double known_two
-) noexcept
-
-@cython.locals(tried="long long", bit="long long", place=Py_ssize_t, action=Py_ssize_t)
-cdef long long _tried(Brackets table, Trail trail, Py_ssize_t level, Py_ssize_t pair) noexcept
-
-@cython.locals(
-    problem=Beliefs, count="long long", total=double, mass=double, later=Py_ssize_t, two=Py_ssize_t,
-    place=Py_ssize_t, one=Py_ssize_t, both=double, first=double, second=double, pair=Py_ssize_t,
-    known_one=double, known_two=double, tried="long long"
-)
-cpdef double floor_in_pairs(Brackets table, Trail trail, Py_ssize_t level) noexcept
 
 @cython.locals(
     problem=Beliefs, best=Py_ssize_t, most=double, number=Py_ssize_t, situation=Py_ssize_t, action=Py_ssize_t, cured=double,

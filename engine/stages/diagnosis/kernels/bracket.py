@@ -9,28 +9,24 @@ heuristic search value iteration). A state is what was seen, in whatever order, 
 differ in their order alone meet in one state.
 
 The upper bound of a new state is the cost of repairs alone, in the order of their chance per cost,
-with a safe stop where that is cheaper. Its lower bound adds up pairs of causes. The value is
-concave and homogeneous in the weights, so that it is no less than the sum of the values of parts
-which add up to the weights (Lovejoy 1991). Each part has two causes. The value of two causes is
-known beforehand, as if every test could be repeated independently.
+with a safe stop where that is cheaper. Its lower bound is that of `pairing`.
 """
 
-import math
 from math import inf
 
 import numpy as np
 
-from cellwright.engine.kernels.arrays import Floats, Longs, real, whole
+from cellwright.engine.kernels.arrays import real, whole
 from cellwright.engine.stages.diagnosis.kernels.belief import (
     Beliefs,
     Trail,
-    floor_of,
     is_done,
     situation_of,
     stop,
     tells,
 )
 from cellwright.engine.stages.diagnosis.kernels.memo import Keys
+from cellwright.engine.stages.diagnosis.kernels.pairing import PairBounds, floor_in_pairs
 
 MASK = 0xFFFFFFFFFFFFFFFF
 SPREAD, MIX = 0x9E3779B97F4A7C15, 0x94D049BB133111EB
@@ -43,41 +39,14 @@ NARROW = 0.02
 class Brackets:
     """The states that were seen, by numbers, each with bounds of its value.
 
-    `pairs` (P, S, N) are lower bounds of the values of pairs of causes: at point k the first has
-    `ratios[k]` (N,) times the weight of the second, which has the weight 1. The ratios grow by one
-    factor, from 1 / r to r. Bit n of the number s says that repair n of those that the pair has to
-    do with, `unsure` (P, U), has been tried. There are no rows if the bound does not hold for this
-    problem. A table has room for `length` states and for the children of `room` expanded ones.
-    Raises `ValueError` unless `length` is a power of two.
+    `pairs` are the lower bounds of new states. A table has room for `length` states and for the
+    children of `room` expanded ones. Raises `ValueError` unless `length` is a power of two.
     """
 
-    def __init__(
-        self, problem: Beliefs, ratios: Floats, pairs: Floats, unsure: Longs, length: int, room: int
-    ) -> None:
-        count, points = problem.causes * (problem.causes - 1) // 2, len(ratios)
-        if len(pairs) not in (0, count) or pairs.shape[2:] != (points,) or points < 2:
-            raise ValueError(
-                f"values of {count} pairs at {points} points were expected, not {pairs.shape}"
-            )
-        bits = (unsure >= 0).sum(axis=1).max(initial=0)
-        if (
-            len(unsure) != len(pairs)
-            or pairs.shape[1] < 1 << bits
-            or (unsure >= problem.actions).any()
-        ):
-            raise ValueError(f"the repairs of {count} pairs were expected, not {unsure.shape}")
+    def __init__(self, problem: Beliefs, pairs: PairBounds, length: int, room: int) -> None:
         if length < 1 or length & (length - 1):
             raise ValueError(f"a table has a power of two of slots, not {length}")
-        self.problem, self.given, self.length, self.room = (
-            problem,
-            (ratios, pairs, unsure),
-            length,
-            room,
-        )
-        self.pairs, self.paired = real(pairs), len(pairs) > 0
-        self.ratios, self.last = real(ratios), points - 1
-        self.unsure, self.bits = whole(unsure), unsure.shape[1]
-        self.octave = 1.0 / math.log2(ratios[1] / ratios[0])
+        self.problem, self.pairs, self.length, self.room = problem, pairs, length, room
         self.keys = Keys(length, problem.words)
         self.index = whole(np.full(2 * length, NONE, np.int64))
         self.low, self.high = real(np.zeros(length)), real(np.zeros(length))
@@ -86,11 +55,7 @@ class Brackets:
         self.first = whole(np.full(length, NONE, np.int64))
         self.width = problem.actions * problem.outcomes
         self.children = whole(np.full(max(1, room * self.width), NONE, np.int64))
-        repairs = np.flatnonzero(problem.repairs).astype(np.int64)
-        self.repairs, self.cures = (
-            whole(repairs),
-            real((problem.likelihoods * problem.ends[:, :, None]).sum(axis=1)),
-        )
+        self.repairs = whole(np.flatnonzero(problem.repairs).astype(np.int64))
         self.left, self.tried = (
             real(np.zeros(problem.causes)),
             whole(np.zeros(problem.actions + 1, np.int64)),
@@ -134,7 +99,7 @@ class Brackets:
 
     def grown(self, length: int, room: int) -> "Brackets":
         """A table with more room, with the same states under the same numbers."""
-        larger = Brackets(self.problem, *self.given, length, room)
+        larger = Brackets(self.problem, self.pairs, length, room)
         for state in range(self.states):
             larger.numbered(larger.slot(self.keys, state), self.keys, state)
             larger.low[state], larger.high[state] = self.low[state], self.high[state]
@@ -144,75 +109,6 @@ class Brackets:
             larger.children[place] = self.children[place]
         larger.expanded = self.expanded
         return larger
-
-
-def pair_value(
-    table: Brackets,
-    pair: int,
-    tried: int,
-    one: float,
-    two: float,
-    known_one: float,
-    known_two: float,
-) -> float:
-    """A lower bound for two causes with these weights, from the values at the ratios next to
-    theirs.
-
-    What is over the largest ratio is a part of one cause alone, whose cost is known.
-    """
-    place = table.octave * math.log2(one / two) + 0.5 * table.last
-    if place >= table.last:
-        return (
-            two * table.pairs[pair, tried, table.last]
-            + (one - two * table.ratios[table.last]) * known_one
-        )
-    if place <= 0.0:
-        part = one * table.ratios[table.last]
-        return part * table.pairs[pair, tried, 0] + (two - part) * known_two
-    point = int(place)
-    share = (one / two - table.ratios[point]) / (table.ratios[point + 1] - table.ratios[point])
-    share = min(1.0, max(0.0, share))
-    return two * (
-        (1.0 - share) * table.pairs[pair, tried, point]
-        + share * table.pairs[pair, tried, point + 1]
-    )
-
-
-def _tried(table: Brackets, trail: Trail, level: int, pair: int) -> int:
-    """The number that says which repairs of a pair have been tried."""
-    tried, bit = 0, 1
-    for place in range(table.bits):
-        action = table.unsure[pair, place]
-        if action < 0:
-            break
-        if is_done(table.problem, trail, level, action):
-            tried |= bit << place
-    return tried
-
-
-def floor_in_pairs(table: Brackets, trail: Trail, level: int) -> float:
-    """A lower bound of the value of a state: each cause shares its weight among the others by
-    their weights.
-    """
-    problem, count = table.problem, trail.counts[level]
-    if not table.paired or count < 2:
-        return floor_of(problem, trail, level)
-    total, mass = 0.0, trail.mass(level)
-    for later in range(1, count):
-        two = trail.members[level, later]
-        for place in range(later):
-            one = trail.members[level, place]
-            both = trail.weights[level, one] * trail.weights[level, two]
-            first, second = (
-                both / (mass - trail.weights[level, one]),
-                both / (mass - trail.weights[level, two]),
-            )
-            if first > 0.0 and second > 0.0:
-                pair = two * (two - 1) // 2 + one
-                known_one, known_two = problem._known[one], problem._known[two]
-                tried = _tried(table, trail, level, pair)
-                total += pair_value(table, pair, tried, first, second, known_one, known_two)
-    return total
 
 
 def _repairing(table: Brackets, trail: Trail, level: int) -> int:
@@ -228,7 +124,7 @@ def _repairing(table: Brackets, trail: Trail, level: int) -> int:
         cured = 0.0
         for place in range(trail.counts[level]):
             cause = trail.members[level, place]
-            cured += table.left[cause] * table.cures[action, cause]
+            cured += table.left[cause] * problem._cures[action, cause]
         worth = cured / max(problem._costs[situation, action], 1e-9)
         if worth > most:
             best, most = action, worth
@@ -242,7 +138,7 @@ def _repaired(table: Brackets, trail: Trail, level: int, action: int) -> float:
     for place in range(trail.counts[level]):
         cause = trail.members[level, place]
         mass += table.left[cause]
-        table.left[cause] *= 1.0 - table.cures[action, cause]
+        table.left[cause] *= 1.0 - problem._cures[action, cause]
     table.tried[action] = 1
     table.tried[problem.actions] = problem._following[situation, action]
     return problem._costs[situation, action] * mass
@@ -297,7 +193,9 @@ def number_of(table: Brackets, trail: Trail, level: int) -> int:
     state = table.numbered(at, trail.keys, level)
     table.mass[state] = trail.mass(level)
     table.high[state] = ceiling_of(table, trail, level, state)
-    table.low[state] = min(table.high[state], floor_in_pairs(table, trail, level))
+    table.low[state] = min(
+        table.high[state], floor_in_pairs(table.pairs, table.problem, trail, level)
+    )
     return state
 
 

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 import cellwright.engine.stages.diagnosis.kernels
 from cellwright.engine.kernels.cancellation import Poll
 from cellwright.engine.model.troubleshooting import Troubleshooting
-from cellwright.engine.stages.diagnosis import search_arrays
-from cellwright.engine.stages.diagnosis.pair_bounds import RATIOS, no_pairs, pair_bounds
+from cellwright.engine.stages.diagnosis import pair_bounds, search_arrays
 from tests.engine.interpreted import interpreted_package
 from tests.engine.stages.diagnosis.fault_cases import each_alone, isolations, troubles
 from tests.engine.stages.diagnosis.test_unsure_tests import unsure
@@ -82,22 +81,34 @@ def _ruled(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
     yield rollout.look_ahead(beliefs, groups, bases, trail, 0, 2, math.inf)
 
 
+def _paired(modules: Modules, problem: Troubleshooting) -> object:
+    """The bounds by pairs, after a few steps of their prices."""
+    known, pairing = search_arrays.belief_arrays(problem), modules["pairing"]
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("PairProblems", "PairBounds"):
+            patch.setattr(pair_bounds, name, getattr(pairing, name))
+        patch.setattr(pair_bounds, "SWEEPS", 6)
+        if problem.certainty < 1.0 or known.causes < 2:
+            return pair_bounds.no_pairs(known)
+        pricing, done = pair_bounds.PairPricing(known), np.zeros(known.actions, np.bool_)
+        weights = search_arrays.prior_weights(problem)
+        suited = pricing.ascend(pricing.first, weights, done, 2, Poll())
+        return pricing.bounds(suited)
+
+
 def _bracketed(
     modules: Modules, problem: Troubleshooting, length: int = 1 << 10
 ) -> Iterator[object]:
     """Bounds, choices and counts of the search between bounds."""
-    bracket, known = modules["bracket"], search_arrays.belief_arrays(problem)
-    beliefs, pairs = (
-        _beliefs(modules, problem),
-        pair_bounds(known) if problem.certainty == 1.0 else no_pairs(),
-    )
-    table = bracket.Brackets(beliefs, RATIOS, pairs.values, pairs.repairs, length, 1 << 8)
+    bracket, beliefs = modules["bracket"], _beliefs(modules, problem)
+    pairs = _paired(modules, problem)
+    table = bracket.Brackets(beliefs, pairs, length, 1 << 8)
     trail = modules["belief"].Trail(beliefs, search_arrays.prior_weights(problem))
     for expansions in (1, 3, 40):
         state = bracket.search(table, trail, math.inf, expansions, 1e-10)
         table = table.grown(2 * table.length, 2 * table.room) if table.full else table
         yield table.low[state], table.high[state], table.choice[state], table.states, table.expanded
-    yield bracket.floor_in_pairs(table, trail, 0)
+    yield modules["pairing"].floor_in_pairs(pairs, beliefs, trail, 0)
 
 
 def _tabled(modules: Modules, problem: Troubleshooting) -> list[float]:

@@ -21,7 +21,9 @@ from cellwright.engine.model.troubleshooting import (
 from cellwright.engine.stages.diagnosis import search_arrays
 from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
 from cellwright.engine.stages.diagnosis.bracket_search import BracketSearch
-from cellwright.engine.stages.diagnosis.pair_bounds import POINTS, RATIOS, pair_bounds
+from cellwright.engine.stages.diagnosis.kernels import pairing
+from cellwright.engine.stages.diagnosis.kernels.belief import Trail
+from cellwright.engine.stages.diagnosis.pair_bounds import PairPricing, PriceShares
 from tests.engine.stages.diagnosis.fault_cases import (
     COSTS,
     brute_force,
@@ -100,17 +102,77 @@ def test_going_on_as_advised_costs_no_more_than_the_upper_bound(
     assert advice.bound <= brute_force(problem) * (1 + 1e-9)
 
 
-@given(unsure(causes=2))
+def at_belief(problem: Troubleshooting, weights: tuple[float, ...]) -> Troubleshooting:
+    """The problem with other priors."""
+    total = math.fsum(weights)
+    return replace(problem, priors=tuple(weight / total for weight in weights))
+
+
+def pairs_floor(shares: PriceShares, pricing: PairPricing, trail: Trail) -> float:
+    """The lower bound of a state that these shares give."""
+    return pairing.floor_in_pairs(pricing.bounds(shares), pricing.problem, trail, 0)
+
+
+@given(unsure(), st.data())
 @SOME
-def test_a_pair_costs_no_less_than_its_bound(problem: Troubleshooting) -> None:
-    """At the ratio of some point, nothing tried yet."""
-    if len(problem.causes) < 2:
+def test_whatever_the_prices_pairs_add_up_to_no_more_than_the_least_cost(
+    problem: Troubleshooting, data: st.DataObject
+) -> None:
+    """What is above the costs is paid back."""
+    beliefs = search_arrays.belief_arrays(problem)
+    if beliefs.causes < 2:
         return
-    bound = pair_bounds(search_arrays.belief_arrays(problem)).values[0, 0]
-    for point in (POINTS // 3, POINTS // 2, POINTS - 20):
-        total = RATIOS[point] + 1.0
-        at = replace(problem, priors=(RATIOS[point] / total, 1.0 / total))
-        assert bound[point] <= brute_force(at) * total * (1 + 1e-9)
+    pricing, chance = PairPricing(beliefs), np.random.default_rng(data.draw(st.integers(0, 999)))
+    first = pricing.first
+    factors = chance.uniform(0.0, data.draw(st.sampled_from((1.0, 3.0))), first.prices.shape)
+    drawn = replace(first, prices=np.where(pricing.priced, first.prices * factors, 0.0))
+    weights = chance.dirichlet(np.ones(beliefs.causes))
+    at = at_belief(problem, tuple(map(float, weights)))
+    floor = pairs_floor(drawn, pricing, Trail(beliefs, weights, 0))
+    assert floor <= brute_force(at) * (1 + 1e-9)
+
+
+@given(unsure())
+@SOME
+def test_prices_that_suit_a_belief_give_a_bound_there_and_elsewhere(
+    problem: Troubleshooting,
+) -> None:
+    beliefs, weights = search_arrays.belief_arrays(problem), search_arrays.prior_weights(problem)
+    if beliefs.causes < 2:
+        return
+    pricing = PairPricing(beliefs)
+    suited = pricing.ascend(
+        pricing.first, weights, np.zeros(beliefs.actions, np.bool_), 100, Poll()
+    )
+    for belief_weights in (weights, np.roll(weights, 1)):
+        at = at_belief(problem, tuple(map(float, belief_weights)))
+        trail = Trail(beliefs, belief_weights, 0)
+        floor = pairs_floor(suited, pricing, trail)
+        assert floor <= brute_force(at) * belief_weights.sum() * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_prices_that_suit_a_belief_bring_its_bound_near_to_the_least_cost(seed: int) -> None:
+    """Two causes and nine tests: what is repeated in the pair is charged for what is once only."""
+    chance = np.random.default_rng(seed)
+    tests = [
+        uncertain(f"t{n}", float(chance.integers(1, 9)), tuple(chance.uniform(0.05, 0.95, 2)))
+        for n in range(9)
+    ]
+    repairs = [
+        uncertain(f"r{n}", 40.0 + n, (float(n == 0), float(n == 1)), frozenset({0}))
+        for n in range(2)
+    ]
+    stop = Conclusion("stop", (300.0, 300.0))
+    problem = Troubleshooting(names(2), (0.6, 0.4), (*tests, *repairs), (stop,))
+    beliefs, weights = search_arrays.belief_arrays(problem), search_arrays.prior_weights(problem)
+    pricing = PairPricing(beliefs)
+    suited = pricing.ascend(
+        pricing.first, weights, np.zeros(beliefs.actions, np.bool_), 100, Poll()
+    )
+    least, _, _ = bracketed(problem)
+    floor = pairs_floor(suited, pricing, Trail(beliefs, weights, 0))
+    assert 0.97 * least <= floor <= least * (1 + 1e-9)
 
 
 def dynamic_program(problem: Troubleshooting) -> float:
