@@ -43,6 +43,7 @@ from cellwright.kb.store.database import (
 from cellwright.kb.store.journal import JournalProof, journal_proof, lines, runs
 from cellwright.kb.store.journal import metadata as journal_tables
 from cellwright.kb.store.macrop_documents import loads
+from cellwright.kb.store.run_lease import metadata as lease_tables
 from cellwright.kb.store.site_key import site_key
 from cellwright.kb.store.table_schema import (
     CURRENT_SCHEMA,
@@ -77,6 +78,7 @@ def store_tables() -> list[Table]:
         *library_tables.sorted_tables,
         *case_tables.sorted_tables,
         *journal_tables.sorted_tables,
+        *lease_tables.sorted_tables,
     ]
     return [table for table in tables_found if table not in (dependencies, versions)]
 
@@ -446,6 +448,7 @@ def _make_library(store: str) -> None:
         with open_transaction(engine, store, writes=True) as connection:
             case_tables.create_all(connection)
             journal_tables.create_all(connection)
+            lease_tables.create_all(connection)
     finally:
         engine.dispose()
 
