@@ -291,6 +291,19 @@ class RunLease(Database):
         super().close()
 
 
+def taken_lease(
+    store: str, run: str, waits: bool = True, pace: LeasePace = LeasePace()
+) -> RunLease:
+    """The lease of a run, for this process. Raises `InvalidInput` if another one drives the run."""
+    lease = RunLease(store, run, pace)
+    try:
+        lease.take(waits)
+    except BaseException:
+        lease.close()
+        raise
+    return lease
+
+
 def _replace_lease(
     connection: Connection, run: str, stored: StoredLease | None, values: dict[str, object]
 ) -> bool:

@@ -48,7 +48,7 @@ from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.numbers import is_count
 from cellwright.kb.store.journal import Journal, JournalLine, LeaseLost
-from cellwright.kb.store.run_lease import RunLease, account_name
+from cellwright.kb.store.run_lease import RunLease, account_name, taken_lease
 from cellwright.kb.terms import Function
 
 if TYPE_CHECKING:
@@ -290,17 +290,6 @@ def _held_lease(request: RunRequest) -> Iterator[RunLease]:
     lease = request.lease or taken_lease(request.store, request.run)
     with lease:
         yield lease
-
-
-def taken_lease(store: str, run: str, waits: bool = True) -> RunLease:
-    """The lease of a run. Raises `InvalidInput` if another process drives it."""
-    lease = RunLease(store, run)
-    try:
-        lease.take(waits)
-    except BaseException:
-        lease.close()
-        raise
-    return lease
 
 
 def resume_run(

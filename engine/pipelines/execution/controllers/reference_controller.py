@@ -70,6 +70,13 @@ class ServedCell:
         return self.simulator
 
 
+class OlderFence(MalformedLine):
+    """A question with a fencing number that is older than one that was heard before."""
+
+
+UNFENCED_QUESTIONS = ("ping", "bye")  # that move nothing and tell nothing
+
+
 class Conversation:
     """What one connection is answered."""
 
@@ -84,6 +91,9 @@ class Conversation:
             return [protocol_line("refused", why=str(error))]
         try:
             return self._answers(asked)
+        except OlderFence as error:
+            newer = self.cell.now().fence
+            return [protocol_line("refused", id=asked.get("id"), why=str(error), fence=newer)]
         except MalformedLine as error:
             return [protocol_line("refused", id=asked.get("id"), why=str(error))]
 
@@ -93,6 +103,8 @@ class Conversation:
             return []
         if type_ not in ANSWER_OF_QUESTION:
             raise MalformedLine(f"unknown: `{type_}`")
+        if type_ not in UNFENCED_QUESTIONS and self.cell.simulator is not None:
+            self._heed_fence(self.cell.simulator, asked)
         came, content = getattr(self, f"_{type_}")(asked)
         lines = [
             protocol_line("reply", **reply_entry(message))
@@ -101,10 +113,20 @@ class Conversation:
         ]
         return [*lines, protocol_line(ANSWER_OF_QUESTION[type_], id=asked.get("id"), **content)]
 
+    def _heed_fence(self, cell: Simulator, asked: Mapping[str, Any]) -> None:
+        """Keep the greatest fencing number. Raises `OlderFence` for one that is less, or none."""
+        fence = asked.get("fence", 0)
+        if not isinstance(fence, int) or isinstance(fence, bool):
+            raise MalformedLine("`fence` is no whole number")
+        if fence < cell.fence:
+            raise OlderFence(f"another host drives this cell, with fencing number {cell.fence}")
+        cell.heed_fence(fence)
+
     def _hello(self, asked: Mapping[str, Any]) -> tuple[list[Message], dict[str, Any]]:
         if asked.get("version") != PROTOCOL_VERSION:
             raise MalformedLine(f"this controller speaks version {PROTOCOL_VERSION}")
         cell = self.cell.serve(str(asked.get("run", "")))
+        self._heed_fence(cell, asked)
         clock: dict[str, Any] = (
             {"clock": "virtual"} if self.cell.virtual else {"clock": "real", "tick_ms": 50}
         )
@@ -114,6 +136,7 @@ class Conversation:
             "name": CONTROLLER_NAME,
             "now_ms": cell.now_ms(),
             "lookahead": {"default": depth},
+            "fence": cell.fence,
             **clock,
         }
 

@@ -244,7 +244,7 @@ def test_the_reference_controller_conforms(problem: Problem) -> None:
     )
     server.close()
     assert [each for each in found if each.wrong] == []
-    assert len(found) == 11
+    assert len(found) == 12
 
 
 def test_conformance_names_what_a_controller_does_wrong(problem: Problem) -> None:
