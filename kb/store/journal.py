@@ -279,7 +279,11 @@ class Journal(Database):
         # read from the end: a maximum would read all
         asked = asked.order_by(lines.c.number.desc()).limit(1)
         with open_transaction(self._engine, self.target) as connection:
-            return int(connection.execute(asked).scalar() or 0)
+            number = connection.execute(asked).scalar()
+        if not isinstance(number, int | None):
+            message = f"a line of the journal of run '{run}' has no number"
+            raise store_refusal(self.target, message, WHOLE_HINT, "K422")
+        return number or 0
 
     def line(self, run: str, number: int) -> JournalLine | None:
         """One line of a run; None if there is none of this number."""
@@ -351,6 +355,8 @@ def journal_proof(connection: Connection, run: str, key: bytes | None = None) ->
         return JournalProof(findings, count, chained=linked)
     if first is None:
         return JournalProof(("what the run was begun with is missing",), count, chained=True)
+    if not isinstance(head.number, int) or not isinstance(head.link, str):
+        return JournalProof(("its head cannot be read",), count, chained=True)
     found = list(chain_findings(first, stored(), head))
     sealed = key is not None and head.seal is not None
     if key is not None and head.seal != seal_of(key, run, head):
@@ -397,8 +403,7 @@ def _linked_rows(
 def _line_content(target: str, text: str) -> dict[str, Any]:
     try:
         line_content = parse_json(text)
-    except ValueError as error:
-        raise store_refusal(
-            target, f"a line of the journal cannot be read: {error}", "give another file"
-        ) from error
+    except (ValueError, TypeError) as error:
+        message = f"a line of the journal cannot be read: {error}"
+        raise store_refusal(target, message[:200], WHOLE_HINT, "K422") from error
     return line_content if isinstance(line_content, dict) else {}

@@ -31,9 +31,15 @@ from cellwright.engine.pipelines.execution.inspector import datums_first, measur
 from cellwright.engine.pipelines.execution.leased_driver import under_lease
 from cellwright.engine.pipelines.execution.operator_orders import OrderSource
 from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
+from cellwright.engine.pipelines.execution.record_shapes import require_beginning
 from cellwright.engine.pipelines.execution.run_control import RunExecution
 from cellwright.engine.pipelines.execution.run_goals import RunScope
-from cellwright.engine.pipelines.execution.run_journal import Recorder, Watcher, reading_past
+from cellwright.engine.pipelines.execution.run_journal import (
+    Recorder,
+    Watcher,
+    read_records,
+    reading_past,
+)
 from cellwright.engine.pipelines.execution.run_resumption import PastRun
 from cellwright.engine.pipelines.inspection.spoilt_values import spoilt_in
 from cellwright.engine.pipelines.recovery import KeptHistory, SymbolicWorld
@@ -310,21 +316,24 @@ def resume_run(
     with ExitStack() as stack:
         journal = stack.enter_context(Journal(store))
         about = journal.known(run).document
+        with reading_past(store, run):
+            require_beginning(about)
         lease = stack.enter_context(taken_lease(store, run))
         journal.require_whole(run, unchained)
         problem = _read_problem(
             *(str(about.get(key, "")) for key in ("target", "goals", "command"))
         )
-        first_line = journal.line(run, 1)
-        with reading_past(store, run):
-            problem = with_knowledge(problem, first_line.content if first_line else {})
+        first_lines = journal.lines(run, until=1)
+        for first_record in read_records(store, run, first_lines):
+            problem = with_knowledge(problem, first_record.content)
         base = fault_base(problem)
         start = SymbolicWorld.of(problem, initial_situation(problem).state)
         with reading_past(store, run):
             past = past_of(journal, run, PastRun(start, RunScope(problem), KeptHistory.of(base)))
-            past.measured = measured_in(journal.lines(run, kinds=(RecordKind.RESULT.value,)))
-            worlds = journal.lines(run, kinds=(RecordKind.WORLD.value,))
-            past.spoilt = spoilt_in((line.content, line.at_ms) for line in worlds)
+        results = journal.lines(run, kinds=(RecordKind.RESULT.value,))
+        past.measured = measured_in(read_records(store, run, results))
+        worlds = read_records(store, run, journal.lines(run, kinds=(RecordKind.WORLD.value,)))
+        past.spoilt = spoilt_in((record.content, record.at_ms) for record in worlds)
         if past.plan is None or past.ended in FINAL_OUTCOMES:
             reason = (
                 f"the run {run} is over: {past.ended}"
@@ -364,13 +373,12 @@ def follow_run(
     with Journal(store) as journal:
         begun = journal.known(run)
         journal.require_whole(run, unchained=True)
+        with reading_past(store, run):
+            require_beginning(begun.document)
         pace = float(begun.document["factor"]) if factor is None else factor
         last = journal.last(run, RecordKind.PLAN.value)
         lines = journal.lines(run, last - 1) if pace and last else ()
-        return pace, [
-            JournalRecord(line.number, line.at_ms, RecordKind(line.kind), line.content)
-            for line in lines
-        ]
+        return pace, list(read_records(store, run, lines))
 
 
 def _read_problem(target: str, goals: str, command: str) -> Problem:
