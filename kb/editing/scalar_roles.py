@@ -112,6 +112,7 @@ OPERATOR_SHAPE = ScalarShape(
         "resources": ScalarShape(Role.TERMS, "held"),
         "duration": TERM,
         "cost": TERM,
+        "timeout": TERM,
         "command": _COMMAND_SHAPE,
         "online": list_of(ScalarShape(keys={"fact": READ})),
     }

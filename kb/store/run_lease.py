@@ -166,7 +166,7 @@ class RunLease(Database):
         super().__init__(store)
         self.run, self.pace, self.clock = run, pace, clock
         self.fence = 0
-        self._lost = False
+        self._lost = self._closed = False
         self._confirmed = float("-inf")
         self._over = threading.Event()
         self._beating: threading.Thread | None = None
@@ -274,20 +274,23 @@ class RunLease(Database):
     def _is_believed(self) -> bool:
         return self.clock() - self._confirmed < BELIEVED_SHARE * self.pace.lapse_s
 
-    def close(self) -> None:
-        """Give the lease back if it is held, and close all connections."""
-        if self._over.is_set():
-            return
+    def stop_beat(self) -> None:
+        """Count no beat any more, but with records."""
         self._over.set()
         if self._beating is not None:
             self._beating.join()
-        if self.fence:
+
+    def close(self) -> None:
+        """Give the lease back if it is held, and close all connections."""
+        self.stop_beat()
+        if self.fence and not self._closed:
             own = (leases.c.run == self.run) & (leases.c.fence == self.fence)
             with (
                 contextlib.suppress(InvalidInput),  # then the beat stands still
                 open_transaction(self._engine, self.target, writes=True) as connection,
             ):
                 connection.execute(update(leases).where(own).values(free=True))
+        self._closed = True
         super().close()
 
 

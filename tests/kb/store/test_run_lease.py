@@ -32,14 +32,6 @@ def taken(target: str, pace: LeasePace = QUICK) -> RunLease:
     return taken_lease(target, "r", pace=pace)
 
 
-def stall(lease: RunLease) -> None:
-    """Have the beat of a lease stand still, as if its host was cut off."""
-    assert lease._beating is not None
-    lease._over.set()
-    lease._beating.join()
-    lease._over.clear()
-
-
 def test_the_second_is_refused_as_soon_as_a_beat_of_the_first_is_seen(target: str) -> None:
     with taken(target) as first, pytest.raises(InvalidInput, match="is driven by") as told:
         taken(target)
@@ -52,7 +44,7 @@ def test_the_second_is_refused_as_soon_as_a_beat_of_the_first_is_seen(target: st
 @pytest.mark.usefixtures("elsewhere")
 def test_a_host_that_stands_still_is_replaced_and_knows_it(target: str) -> None:
     first = taken(target)
-    stall(first)
+    first.stop_beat()
     with taken(target) as second:
         assert second.fence > first.fence
         second.require()
@@ -76,7 +68,7 @@ def test_of_a_process_of_this_machine_that_has_ended_nobody_waits(
     with monkeypatch.context() as context:
         context.setattr(LEASE, "own_identity", lambda: identity)
         first = taken(target, LeasePace(lapse_s=1e6))
-    stall(first)
+    first.stop_beat()
     ended.communicate()
     assert is_gone(identity)
     taken(target).close()
@@ -89,7 +81,7 @@ def test_what_the_former_driver_appends_is_refused(target: str) -> None:
         journal.begin("r", "2026-01-01", {})
         first = taken(target)
         journal.append("r", [JournalLine(1, 0, "run")], first.fence)
-        stall(first)
+        first.stop_beat()
         with taken(target) as second:
             with pytest.raises(LeaseLost):
                 journal.append("r", [JournalLine(2, 0, "command")], first.fence)

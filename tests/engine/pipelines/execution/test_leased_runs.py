@@ -167,6 +167,8 @@ def test_a_run_that_another_host_has_taken_ends_without_a_word(
     def taken_away(record: JournalRecord) -> None:
         records.append(record)
         if record.kind is RecordKind.DONE and len(thieves) == 0:
+            assert wanted.lease is not None
+            wanted.lease.stop_beat()
             with monkeypatch.context() as context:
                 context.setattr(LEASE, "is_gone", lambda _: True)
                 thieves.append(taken_lease(store, "r", pace=LeasePace(beat_s=0.02)))
@@ -213,6 +215,9 @@ def test_a_run_that_was_killed_while_it_was_planned_gives_its_name_back(
     assert [request.run for request in killed] == [f"{problem.name}-1", "mine"]
     with pytest.raises(InvalidInput, match="there is a run mine already"):
         name_run(replace(wanted, run="mine"), problem)
+    for request in killed:
+        assert request.lease is not None
+        request.lease.stop_beat()
     monkeypatch.setattr(LEASE, "is_gone", lambda _: True)
     again = [name_run(wanted, problem), name_run(replace(wanted, run="mine"), problem)]
     assert [request.run for request in again] == [request.run for request in killed]
@@ -227,7 +232,9 @@ def test_who_has_lost_a_name_does_not_take_it_off_the_list(
     problem, _ = planned(TARGET)
     wanted = RunRequest(TARGET, store=str(tmp_path / "j.db"), run="r")
     monkeypatch.setattr(LEASE, "is_gone", lambda _: True)
-    with list_run(wanted, problem):
+    with list_run(wanted, problem) as listed:
+        assert listed.lease is not None
+        listed.lease.stop_beat()
         other = name_run(wanted, problem)
     with Journal(wanted.store) as journal:
         assert journal.run("r") is not None
