@@ -38,6 +38,7 @@ class ServedCell:
     setup: DriverSetup
     simulator: Simulator | None = None
     begun: float = 0.0
+    driver: "Conversation | None" = None  # that with the host which was greeted last
 
     def serve(self, run: str) -> Simulator:
         """The cell of a run. Raises `Garbage` if it serves another."""
@@ -97,6 +98,16 @@ class Conversation:
         except MalformedLine as error:
             return [protocol_line("refused", id=asked.get("id"), why=str(error))]
 
+    def ticks(self) -> list[bytes]:
+        """What has happened in real time; nothing if another host was greeted since."""
+        if self.cell.driver is not self:
+            return []
+        return [
+            protocol_line("reply", **reply_entry(message))
+            for message in self.cell.elapsed()
+            if isinstance(message, Reply)
+        ]
+
     def _answers(self, asked: Mapping[str, Any]) -> list[bytes]:
         type_ = asked["type"]
         if type_ == "bye":
@@ -127,6 +138,7 @@ class Conversation:
             raise MalformedLine(f"this controller speaks version {PROTOCOL_VERSION}")
         cell = self.cell.serve(str(asked.get("run", "")))
         self._heed_fence(cell, asked)
+        self.cell.driver = self
         clock: dict[str, Any] = (
             {"clock": "virtual"} if self.cell.virtual else {"clock": "real", "tick_ms": 50}
         )
@@ -177,7 +189,7 @@ async def _answer_connection(
 ) -> None:
     """Answer one connection until it ends."""
     conversation = Conversation(cell)
-    ticking = asyncio.create_task(_send_ticks(cell, writer))
+    ticking = asyncio.create_task(_send_ticks(cell, conversation, writer))
     try:
         while text := await reader.readline():
             for answer in conversation.answers(text):
@@ -191,13 +203,14 @@ async def _answer_connection(
             writer.close()
 
 
-async def _send_ticks(cell: ServedCell, writer: asyncio.StreamWriter) -> None:
-    """Send what happens in real time."""
+async def _send_ticks(
+    cell: ServedCell, conversation: Conversation, writer: asyncio.StreamWriter
+) -> None:
+    """Send what happens in real time to the host that was greeted last."""
     while True:
         await asyncio.sleep(BEAT_S)
-        for message in cell.elapsed():
-            if isinstance(message, Reply):
-                writer.write(protocol_line("reply", **reply_entry(message)))
+        for line in conversation.ticks():
+            writer.write(line)
 
 
 async def _listen_at(cell: ServedCell, host: str, port: int) -> None:
