@@ -86,6 +86,17 @@ races: $(VENV)/ready
 	missed=0; for each in sqlite postgresql; do \
 	$(BIN)/python benchmarks/races.py --races $(RACES) --database $$each || missed=1; done; exit $$missed
 
+# Journals damaged in every way; it goes on where it stopped. DAMAGES=100 SEED=2 make damage
+DAMAGES ?= 1000
+
+damage: $(VENV)/ready
+	$(BIN)/python benchmarks/damage.py --damages $(DAMAGES) --seed $(SEED) --json .venv/damage-$(SEED).json
+
+# Plans, lookups, runs with faults, resumes and readers, for so long, in one process and in many. MINUTES=60 make soak
+soak: $(VENV)/ready
+	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES) --database sqlite
+	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES) --database postgresql
+
 # Mutated inputs for every reader; it goes on where it stopped. MINUTES=60 SEED=2 make fuzz
 MINUTES ?= 10
 SEED ?= 1

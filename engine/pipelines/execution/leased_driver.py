@@ -6,8 +6,16 @@ may be told to halt also when the database does not say who holds the lease.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
-from cellwright.engine.model.run_protocol import DriverCommand, Message, Report
+from cellwright.engine.model.run_protocol import (
+    DriverCommand,
+    Fate,
+    Message,
+    Report,
+    Trouble,
+    TroubleKind,
+)
 from cellwright.engine.ports import Driver, Simulated
 from cellwright.kb.store.journal import JournalFailure
 from cellwright.kb.store.run_lease import RunLease
@@ -16,12 +24,35 @@ from cellwright.kb.store.run_lease import RunLease
 class LeasedDriver:
     """A driver of a run whose lease is looked at before anything is sent.
 
-    Its methods raise `LeaseLost` if another process has the lease, `JournalFailure` if nobody can
-    tell.
+    Without the lease nothing is sent, and the driver counts as lost: `receive` and `quiesce` say
+    so.
     """
 
     def __init__(self, driver: Driver, lease: RunLease) -> None:
         self._driver, self._lease = driver, lease
+
+    def __getattr__(self, name: str) -> Any:
+        """What the driver has beside the port."""
+        return getattr(self._driver, name)
+
+    def _refusal(self) -> str:
+        """Why nothing may be sent; empty if it may."""
+        try:
+            self._lease.require()
+        except JournalFailure as error:
+            return str(error)
+        return ""
+
+    def _may_halt(self) -> bool:
+        """Whether the cell may be told to come to rest: nobody else drives it, or the controller
+        refuses to obey then.
+        """
+        if not self._refusal():
+            return True
+        return not self._lease.is_lost and bool(getattr(self._driver, "fenced", False))
+
+    def _loss(self, why: str) -> list[Message]:
+        return [Trouble(TroubleKind.LOST, why, self.now_ms())]
 
     @property
     def tick_ms(self) -> int | None:
@@ -38,31 +69,34 @@ class LeasedDriver:
 
     def send(self, commands: Sequence[DriverCommand]) -> None:
         """Hand over commands."""
-        self._lease.require()
-        self._driver.send(commands)
+        if not self._refusal():
+            self._driver.send(commands)
 
     def receive(self, until_ms: int | None) -> Sequence[Message]:
         """What has come since the last call."""
-        self._lease.require()
-        return self._driver.receive(until_ms)
+        why = self._refusal()
+        return self._loss(why) if why else self._driver.receive(until_ms)
 
     def quiesce(self, within_ms: int) -> Sequence[Message]:
         """Begin nothing more, and bring what is under way to its end."""
-        self._lease.require()
-        return self._driver.quiesce(within_ms)
+        if self._may_halt():
+            return self._driver.quiesce(within_ms)
+        return self._loss(self._refusal())
 
     def halt(self) -> None:
-        """Stop every motion at once, if this process may say so."""
-        try:
-            self._lease.require()
-        except JournalFailure:
-            if self._lease.is_lost or not getattr(self._driver, "fenced", False):
-                return
-        self._driver.halt()
+        """Stop every motion at once."""
+        if self._may_halt():
+            self._driver.halt()
+
+    def stop_from_outside(self) -> None:
+        """Stop every motion at once, from another thread than the one that drives."""
+        if self._may_halt():
+            getattr(self._driver, "stop_from_outside", self._driver.halt)()
 
     def report(self, numbers: Sequence[int]) -> Sequence[Report]:
-        """What became of commands."""
-        self._lease.require()
+        """What became of commands; nobody knows if nothing may be asked."""
+        if self._refusal():
+            return [Report(number, Fate.UNKNOWN) for number in numbers]
         return self._driver.report(numbers)
 
     def close(self) -> None:
@@ -80,8 +114,8 @@ class LeasedSimulatedDriver(LeasedDriver):
 
     def by_hand(self, adds: Sequence[str], ends: Sequence[str], reached: Mapping[str, int]) -> None:
         """A person has changed something in the cell."""
-        self._lease.require()
-        self._simulated.by_hand(adds, ends, reached)
+        if not self._refusal():
+            self._simulated.by_hand(adds, ends, reached)
 
     def not_come(self) -> Sequence[str]:
         """The faults that were ordered and have not come up."""

@@ -189,7 +189,7 @@ async def _answer_connection(
 ) -> None:
     """Answer one connection until it ends."""
     conversation = Conversation(cell)
-    ticking = asyncio.create_task(_send_ticks(cell, conversation, writer))
+    ticking = asyncio.create_task(_send_ticks(conversation, writer))
     try:
         while text := await reader.readline():
             for answer in conversation.answers(text):
@@ -203,9 +203,7 @@ async def _answer_connection(
             writer.close()
 
 
-async def _send_ticks(
-    cell: ServedCell, conversation: Conversation, writer: asyncio.StreamWriter
-) -> None:
+async def _send_ticks(conversation: Conversation, writer: asyncio.StreamWriter) -> None:
     """Send what happens in real time to the host that was greeted last."""
     while True:
         await asyncio.sleep(BEAT_S)
