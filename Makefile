@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 findings:
 	missed=0; for script in findings/*.sh; do echo "$$script"; bash "$$script" || missed=1; done; exit $$missed
 
-.PHONY: findings demo robust test slow laws long check golden bench faults fuzz definition mutation site wheel clean
+.PHONY: findings demo robust test slow laws long check golden bench faults races damage soak fuzz definition mutation site wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -83,6 +83,24 @@ faults: $(VENV)/ready
 	for each in run recovery test; do \
 	$(BIN)/python benchmarks/faults.py $(if $(CLUSTER),--cluster $(CLUSTER)) --second $$each --samples $(SAMPLES) --seed $(SEED) --json .venv/faults.json || missed=1; \
 	done; rm .venv/faults.json; exit $$missed
+
+# Two hosts that want to drive one run. RACES=20 make races
+RACES ?= 200
+
+races: $(VENV)/ready
+	missed=0; for each in sqlite postgresql; do \
+	$(BIN)/python benchmarks/races.py --races $(RACES) --database $$each || missed=1; done; exit $$missed
+
+# Journals damaged in every way; it goes on where it stopped. DAMAGES=100 SEED=2 make damage
+DAMAGES ?= 1000
+
+damage: $(VENV)/ready
+	$(BIN)/python benchmarks/damage.py --damages $(DAMAGES) --seed $(SEED) --json .venv/damage-$(SEED).json
+
+# Plans, lookups, runs with faults, resumes and readers, for so long, in one process and in many. MINUTES=60 make soak
+soak: $(VENV)/ready
+	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES) --database sqlite
+	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES) --database postgresql
 
 # Mutated inputs for every reader; it goes on where it stopped. MINUTES=60 SEED=2 make fuzz
 MINUTES ?= 10

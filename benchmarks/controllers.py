@@ -41,8 +41,11 @@ class Server:
         with suppress(OSError):
             while True:
                 line, _ = self.listener.accept()
-                with line, suppress(OSError):
-                    self._converse(line)
+                threading.Thread(target=self._answer, args=(line,), daemon=True).start()
+
+    def _answer(self, line: socket.socket) -> None:
+        with line, suppress(OSError):
+            self._converse(line)
 
     def _converse(self, line: socket.socket) -> None:
         conversation = Conversation(self.cell)

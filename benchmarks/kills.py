@@ -24,10 +24,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from mishaps import Setting
+from mishaps import Setting, without_lease
 
 from cellwright.engine.model.run_protocol import DriverCommand, JournalRecord
-from cellwright.engine.pipelines.execution import RunRequest, TimedOrders, name_run, resume_run
+from cellwright.engine.pipelines.execution import RunRequest, TimedOrders, resume_run
 from cellwright.engine.pipelines.execution.controllers.reference_controller import serve_controller
 from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, first_plan
 from cellwright.engine.pipelines.execution.run_start import JournalLedger
@@ -35,6 +35,7 @@ from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.plugins import make_driver
 from cellwright.engine.ports import DriverSetup
 from cellwright.kb.store.journal import Journal
+from cellwright.kb.store.run_lease import RunLease, taken_lease
 
 WHEN = ("before", "written", "sent")
 
@@ -45,8 +46,8 @@ class Deadly(JournalLedger):
     It keeps where each group ends.
     """
 
-    def __init__(self, journal: Journal, run: str, record: int = 0, when: str = "") -> None:
-        super().__init__(journal, run)
+    def __init__(self, journal: Journal, lease: RunLease, record: int = 0, when: str = "") -> None:
+        super().__init__(journal, lease.run, lease)
         self.record, self.when, self.ends = record, when, list[int]()
 
     def reached(self) -> bool:
@@ -98,9 +99,10 @@ def served(setting: Setting, log: Path) -> Iterator[str]:
 
 def run(setting: Setting, wanted: RunRequest, record: int = 0, when: str = "") -> list[int]:
     """A run over TCP that may die at a record; else the last numbers of its groups."""
-    with Journal(wanted.store) as journal:
-        setup = DriverSetup(setting.problem, wanted.run, 0, 0.0, dict(wanted.options))
-        made, ledger = make_driver("external", setup), Deadly(journal, wanted.run, record, when)
+    with taken_lease(wanted.store, wanted.run) as lease, Journal(wanted.store) as journal:
+        options = dict(wanted.options)
+        setup = DriverSetup(setting.problem, wanted.run, 0, 0.0, options, lease.fence)
+        made, ledger = make_driver("external", setup), Deadly(journal, lease, record, when)
         send = made.send
 
         def sent(commands: Sequence[DriverCommand]) -> None:
@@ -117,7 +119,7 @@ def run(setting: Setting, wanted: RunRequest, record: int = 0, when: str = "") -
 def wanted_in(setting: Setting, folder: Path, address: str) -> RunRequest:
     """A run with its journal in a folder."""
     store, options = str(folder / "runs.db"), {"address": address}
-    return name_run(
+    return without_lease(
         RunRequest(setting.target, driver="external", store=store, options=options), setting.problem
     )
 

@@ -23,7 +23,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from controllers import Manners, Server, ahead, at_reply, later
@@ -49,6 +49,7 @@ from cellwright.engine.ports import Driver, DriverSetup
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store.journal import Journal
+from cellwright.kb.store.run_lease import RunLease
 
 HURRY = Patience(5, 2, 0.2, 1.5)
 TELLS = ("reached", "partly")
@@ -56,6 +57,14 @@ TELLS = ("reached", "partly")
 
 class Gone(BaseException):
     """The process is gone."""
+
+
+def without_lease(request: RunRequest, problem: Problem) -> RunRequest:
+    """The same under the name of a new run, which another process shall drive."""
+    named_request = name_run(request, problem)
+    assert named_request.lease is not None
+    named_request.lease.close()
+    return replace(named_request, lease=None)
 
 
 @dataclass(frozen=True)
@@ -70,7 +79,7 @@ class Setting:
     def wanted(self, folder: Path) -> RunRequest:
         """A run with its journal and the log of its cell in a folder."""
         options = {"log": str(folder / "cell.log"), **({"fault": self.fault} if self.fault else {})}
-        return name_run(
+        return without_lease(
             RunRequest(self.target, store=str(folder / "runs.db"), options=options), self.problem
         )
 
@@ -109,6 +118,7 @@ class Cut(JournalLedger):
     synced: int = 0
     acknowledged: int = 0
     count: int = field(default=0)
+    lease: RunLease | None = None
 
     def append(self, records: Sequence[JournalRecord]) -> None:
         """Append records; those of the last group are never acknowledged."""

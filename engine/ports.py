@@ -204,6 +204,8 @@ class DriverSetup:
 
     `factor` is the share of real time that a simulated clock takes: 0 as fast as can be, 1 in real
     time. `run` names the run, and with it whatever the driver keeps so that a run can be resumed.
+    `fence` is the number of the lease under which the run is driven; it is greater for each process
+    that takes the run up. A controller with the number refuses what comes with an older one.
     """
 
     problem: "Problem"
@@ -211,6 +213,7 @@ class DriverSetup:
     seed: int = 0
     factor: float = 0.0
     options: Mapping[str, str] = field(default_factory=dict)
+    fence: int = 0
 
 
 class Driver(Protocol):

@@ -13,6 +13,8 @@ from typing import Any
 BODIES_SEEN = "seen"
 # the reply of an arm that something has stopped: it is where it was before the step
 OBSTRUCTED_REPLIES = "obstructed"
+# what the journal has for an order to take a run up again, which no run that goes on can be given
+TAKEN_UP_AGAIN = "resume"
 # what a step has for a reply that is not sent, because no motion is found for it any more
 NO_MOTION = "no_motion"
 PROTOCOL_VERSION = 1  # of commands, replies and records; whoever reads a greater number refuses it
@@ -193,7 +195,7 @@ class RecordKind(StrEnum):
     - GIVEN_UP: goal, why.
     - GOAL: goal: a stage was reached.
     - ORDER: order, given (what it says besides), origin (terminal, socket), who and when (date and
-      time, UTC) if known.
+      time, UTC) if known. Of order `resume` each record says who took the run up again.
     - DECISION: what, why: a choice of the executive between alternatives.
     - PHASE: phase, why.
     - CHECKPOINT: state: from here a resumed run can go on without reading older records; or rest:

@@ -114,6 +114,7 @@ OPERATOR_SHAPE = ScalarShape(
             Role.TERMS, "named", keys=dict.fromkeys(("from", "to", "usual", "spread"), TERM)
         ),
         "cost": TERM,
+        "timeout": TERM,
         "command": _COMMAND_SHAPE,
         "online": list_of(ScalarShape(keys={"fact": READ})),
     }

@@ -20,11 +20,13 @@ from cellwright.kb.model.condition_forms import with_named_values
 from cellwright.kb.model.domain_model import (
     DISTANCE_TERM,
     RUN_TOOLS,
+    USUAL_GRACE_S,
     WORLD_FRAME,
     Domain,
     Motion,
     Phrase,
     Predicate,
+    ReplyTimes,
 )
 from cellwright.kb.model.name_conventions import CONVENTION_BY_NAME
 from cellwright.kb.syntax import SECONDS_PER_UNIT, unit_seconds
@@ -33,6 +35,9 @@ UNIT_MICROMETRES = {"m": 1_000_000, "cm": 10_000, "mm": 1_000, "in": 25_400}
 SPEED_TEXT = re.compile(rf"([0-9]+(?:\.[0-9]+)?)\s*({'|'.join(UNIT_MICROMETRES)})\s*/\s*([a-z]+)")
 DURATION_TEXT = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([a-z]*)")
 MAX_SETTLING_S = Fraction(86_400)  # seconds
+FACTOR_TEXT = re.compile(r"\d{1,6}(\.\d{1,6})?")
+MAX_TIMEOUT_FACTOR = 1000
+MAX_TIMEOUT_FLOOR_S = 30 * 86_400
 MAX_SPEED_UM_PER_S = Fraction(10**10)  # micrometres per second
 MIN_SPEED_UM_PER_S = Fraction(1, 10**3)
 
@@ -98,6 +103,32 @@ def _read_settling(reader: Reader) -> Fraction | None:
     return settling / SECONDS_PER_UNIT[reader.time_unit]
 
 
+def read_reply_times(reader: Reader) -> ReplyTimes:
+    """After how long without a reply commands are given up, as the domain says."""
+    usual = ReplyTimes()
+    if "timeouts" not in reader.root.value:
+        return usual
+    factor, floor = usual.factor, Fraction(USUAL_GRACE_S)
+    if text := reader.text("timeouts", "factor").strip():
+        match = FACTOR_TEXT.fullmatch(text)
+        factor = Fraction(text) if match else Fraction(0)
+        if not 1 <= factor <= MAX_TIMEOUT_FACTOR:
+            place = reader.root.descend(("timeouts", "factor")).where
+            hint = f"write a number from 1 to {MAX_TIMEOUT_FACTOR}, such as 1.5"
+            reader.findings.add(place, "K005", f"'{text[:40]}' is not a factor", hint)
+            factor = usual.factor
+    if text := reader.text("timeouts", "floor").strip():
+        match = DURATION_TEXT.fullmatch(text)
+        unit = unit_seconds(match[2] or reader.time_unit) if match else None
+        if match is None or unit is None:
+            place = reader.root.descend(("timeouts", "floor")).where
+            hint = "write 30 s, 2 min or 0"
+            reader.findings.add(place, "K005", f"'{text[:40]}' is not a time of 0 or more", hint)
+        else:
+            floor = min(Fraction(match[1]) * unit, Fraction(MAX_TIMEOUT_FLOOR_S))
+    return ReplyTimes(factor, floor)
+
+
 def _refuse_others(where: Source, names: SymbolTable) -> None:
     """Report whatever else has one of the names that durations use for ways between places.
 
@@ -154,6 +185,7 @@ def read_domain(
         rules=tuple(rules),
         time_unit=reader.time_unit,
         motion=motion,
+        reply_times=read_reply_times(reader),
         words=_read_words(reader),
         phrases=tuple(_read_phrases(reader)),
         path=str(path),

@@ -31,7 +31,7 @@ from cellwright.kb.model.condition_forms import (
 )
 from cellwright.kb.model.conditions import And, Condition, Parameter, goal_parts
 from cellwright.kb.model.domain_model import Effect, Kind, Operator
-from cellwright.kb.terms import ANYTHING, Function, Term, Variable, term_variables
+from cellwright.kb.terms import ANYTHING, Function, Number, Term, Variable, term_variables
 
 
 def read_operators(reader: Reader, names: SymbolTable) -> tuple[Operator, ...]:
@@ -110,7 +110,9 @@ class _OperatorReader:
             online=tuple(self.device.looks(self.typing)),
             varies=self.duration.varies(),
             where=self.header.node.where,
+            timeout=self._value("timeout", None),
         )
+        self._refuse_short_timeout(operator)
         self._warn(operator)
         return operator
 
@@ -124,6 +126,17 @@ class _OperatorReader:
                 place, "K111", f"'{twice}' is listed twice", "leave one out", warning=True
             )
         return tuple(dict.fromkeys(resources))
+
+    def _refuse_short_timeout(self, operator: Operator) -> None:
+        """Report a time limit that no step can keep: it is less than the step lasts."""
+        limit, lasts = operator.timeout, operator.duration
+        if isinstance(limit, Number) and (
+            limit.value <= 0 or (isinstance(lasts, Number) and limit.value < lasts.value)
+        ):
+            place = self.fields["timeout"].place() if self.fields["timeout"] else operator.where
+            message = f"{operator.header} is given up before it can end"
+            hint = "`timeout` is at least the duration, and more than 0"
+            self.names.findings.add(place, "K113", message, hint)
 
     def _warn(self, operator: Operator) -> None:
         """Warn of variables that occur only once, and of operators that change nothing."""
@@ -254,17 +267,17 @@ class _OperatorReader:
 
 _OPERATOR_FIELDS = {
     "where": "body", "preconditions": "conditions", "adds": "atoms", "deletes": "atoms",
-    "resources": "terms", "duration": "term", "cost": "term",
+    "resources": "terms", "duration": "term", "cost": "term", "timeout": "term",
 }  # fmt: skip
 
 
-_OUTSIDE_WHERE = ("preconditions", "adds", "deletes", "resources", "duration", "cost")
+_OUTSIDE_WHERE = ("preconditions", "adds", "deletes", "resources", "duration", "cost", "timeout")
 _UNBOUND_HINT = "read it from a static in `where:`, or add an event whose workflow stage names it"
 _CONDITIONS: dict[str, tuple[Kind, ...]] = {
     "where": (Kind.STATIC,),
     "preconditions": CONDITION_KINDS,
 }
-_NUMBERS = {"duration": "time", "cost": "int"}
+_NUMBERS = {"duration": "time", "cost": "int", "timeout": "time"}
 
 
 def narrow_types(

@@ -186,11 +186,13 @@ class Operator:
     online: tuple[Look, ...] = ()
     varies: VaryingDuration | None = None
     where: Source = field(default=NOWHERE, compare=False)
+    timeout: Term | None = None  # how long the reply to its command may take
 
     @property
     def amounts(self) -> tuple[Term, ...]:
-        """The terms that amount to its durations and its cost."""
-        own = tuple(term for term in (self.duration, self.cost) if term is not None)
+        """The terms that amount to its durations, its cost and its time limit."""
+        terms = (self.duration, self.cost, self.timeout)
+        own = tuple(term for term in terms if term is not None)
         return own if self.varies is None else (*own, *self.varies.terms)
 
     @property
@@ -202,6 +204,25 @@ class Operator:
     def variables(self) -> tuple[Variable, ...]:
         """The header's variables, in order."""
         return tuple(parameter.variable for parameter in self.parameters)
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyTimes:
+    """After how many seconds without a reply a command is given up: `factor` times its forecast,
+    and at least `floor_s`. Without a floor, half a minute more than that.
+    """
+
+    factor: Fraction = Fraction(2)
+    floor_s: Fraction | None = None
+
+    def limit_s(self, lasts_s: Fraction) -> Fraction:
+        """The limit for a command with a forecast."""
+        if self.floor_s is None:
+            return self.factor * lasts_s + USUAL_GRACE_S
+        return max(self.floor_s, self.factor * lasts_s)
+
+
+USUAL_GRACE_S = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,6 +322,7 @@ class Domain:
     further_parents: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # types with several parents: those beside `Type.parent`
+    reply_times: ReplyTimes = ReplyTimes()
 
     @property
     def conventions(self) -> "Conventions":

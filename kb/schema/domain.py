@@ -56,6 +56,17 @@ class MotionEntry(Strict):
     )
 
 
+class TimeoutsEntry(Strict):
+    """After how long without a reply commands are given up, where nothing else says so."""
+
+    factor: str | int | None = Field(
+        None, description="so many times the forecast: 1.5; 2 if left out"
+    )
+    floor: str | int | None = Field(
+        None, description="and never sooner than this: 1 min; 30 s if left out"
+    )
+
+
 class MeasuresEntry(Strict):
     """What a step measures: of what, in which unit, and between which limits it must be."""
 
@@ -204,6 +215,11 @@ class OperatorEntry(Strict):
         "left "
         "out",
     )
+    timeout: str | int | None = Field(
+        None,
+        description="after how long without a reply a step is given up: like `duration`; if left "
+        "out, what `timeouts` says",
+    )
     command: CommandEntry | None = Field(None, description="the command that the executive sends")
     online: list[OnlineEntry] = Field(
         default_factory=list,
@@ -350,6 +366,9 @@ class Sections(Strict):
     )
     motion: MotionEntry | None = Field(
         None, description="how an arm moves between places: what durations call travel(From, To)"
+    )
+    timeouts: TimeoutsEntry | None = Field(
+        None, description="after how long without a reply commands are given up"
     )
     commands: CommandsEntry = Field(
         default_factory=lambda: CommandsEntry(), description="words and phrases that people use"

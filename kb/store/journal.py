@@ -23,6 +23,7 @@ from sqlalchemy import (
     Table,
     Text,
     select,
+    text,
 )
 
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
@@ -72,6 +73,7 @@ heads = Table(
     Column("link", String(64), nullable=False),
     Column("seal", String(64)),
 )
+BEAT_STATEMENT = "UPDATE run_leases SET beat = beat + 1 WHERE run = :run AND fence = :fence"
 JOURNAL_PAGE_LINES = 5_000  # lines that are read at once
 # made once: `json.dumps` makes one for each line
 _encoded = json.JSONEncoder(ensure_ascii=False).encode
@@ -82,6 +84,13 @@ class JournalFailure(Exception):
 
     The message says why.
     """
+
+
+class LeaseLost(JournalFailure):
+    """Another process drives the run now: nothing may be written or sent any more."""
+
+    def __init__(self, run: str) -> None:
+        super().__init__(f"another process drives the run {run} now")
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,24 +140,31 @@ class Journal(Database):
         """Make a journal; False if there is one of this name already."""
         if self.run(run) is not None:
             return False
-        text = json.dumps(document, ensure_ascii=False)
-        head = self._sealed(run, 0, first_link(run, begun, text))
+        said = json.dumps(document, ensure_ascii=False)
+        head = self._sealed(run, 0, first_link(run, begun, said))
         with open_transaction(self._engine, self.target, writes=True) as connection:
-            connection.execute(runs.insert(), [{"run": run, "begun": begun, "document": text}])
+            connection.execute(runs.insert(), [{"run": run, "begun": begun, "document": said}])
             connection.execute(heads.insert(), [{"run": run, **head._asdict()}])
         return True
 
-    def withdraw(self, run: str) -> None:
-        """Take a run off the list if it has no line: it never began."""
+    def withdraw(self, run: str, fence: int) -> None:
+        """Take a run off the list if it has no line: it never began. Nothing is done if the lease
+        of the run has not this number any more.
+        """
         if not self.last(run):
             with open_transaction(self._engine, self.target, writes=True) as connection:
+                held = {"run": run, "fence": fence}
+                if connection.execute(text(BEAT_STATEMENT), held).rowcount != 1:
+                    return
                 connection.execute(runs.delete().where(runs.c.run == run))
                 connection.execute(heads.delete().where(heads.c.run == run))
 
-    def append(self, run: str, group: Sequence[JournalLine]) -> None:
-        """Append lines in one transaction, and have them written to the disk.
+    def append(self, run: str, group: Sequence[JournalLine], fence: int = 0) -> None:
+        """Append lines in one transaction, and have them written to the disk. With a `fence`, only
+        if the lease of the run still has this number; its beat is counted up.
 
-        Raises `JournalFailure`, also if another process has appended to this journal meanwhile.
+        Raises `JournalFailure`, also if another process has appended to this journal meanwhile, and
+        `LeaseLost` if another process has the lease.
         """
         errors = self._engine.dialect.loaded_dbapi.Error
         lite = self._engine.dialect.name == "sqlite"
@@ -160,6 +176,11 @@ class Journal(Database):
             cursor = held.cursor()
             if lite:
                 cursor.execute("BEGIN IMMEDIATE")
+            if fence:
+                counted = BEAT_STATEMENT.replace(":run", mark).replace(":fence", mark)
+                cursor.execute(counted, (run, fence))
+                if cursor.rowcount != 1:
+                    raise LeaseLost(run)
             cursor.executemany(
                 "INSERT INTO journal (run, number, at_ms, kind, content, link) "
                 f"VALUES ({', '.join([mark] * 6)})",
@@ -258,7 +279,11 @@ class Journal(Database):
         # read from the end: a maximum would read all
         asked = asked.order_by(lines.c.number.desc()).limit(1)
         with open_transaction(self._engine, self.target) as connection:
-            return int(connection.execute(asked).scalar() or 0)
+            number = connection.execute(asked).scalar()
+        if not isinstance(number, int | None):
+            message = f"a line of the journal of run '{run}' has no number"
+            raise store_refusal(self.target, message, WHOLE_HINT, "K422")
+        return number or 0
 
     def line(self, run: str, number: int) -> JournalLine | None:
         """One line of a run; None if there is none of this number."""
@@ -289,8 +314,8 @@ class Journal(Database):
                 page = connection.execute(
                     asked.order_by(lines.c.number).limit(JOURNAL_PAGE_LINES)
                 ).all()
-            for number, at_ms, kind, text in page:
-                yield JournalLine(number, at_ms, kind, _line_content(self.target, text))
+            for number, at_ms, kind, content in page:
+                yield JournalLine(number, at_ms, kind, _line_content(self.target, content))
                 after = number
             if len(page) < JOURNAL_PAGE_LINES:
                 return
@@ -330,6 +355,8 @@ def journal_proof(connection: Connection, run: str, key: bytes | None = None) ->
         return JournalProof(findings, count, chained=linked)
     if first is None:
         return JournalProof(("what the run was begun with is missing",), count, chained=True)
+    if not isinstance(head.number, int) or not isinstance(head.link, str):
+        return JournalProof(("its head cannot be read",), count, chained=True)
     found = list(chain_findings(first, stored(), head))
     sealed = key is not None and head.seal is not None
     if key is not None and head.seal != seal_of(key, run, head):
@@ -376,8 +403,7 @@ def _linked_rows(
 def _line_content(target: str, text: str) -> dict[str, Any]:
     try:
         line_content = parse_json(text)
-    except ValueError as error:
-        raise store_refusal(
-            target, f"a line of the journal cannot be read: {error}", "give another file"
-        ) from error
+    except (ValueError, TypeError) as error:
+        message = f"a line of the journal cannot be read: {error}"
+        raise store_refusal(target, message[:200], WHOLE_HINT, "K422") from error
     return line_content if isinstance(line_content, dict) else {}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import (
     Column,
@@ -43,6 +43,7 @@ from cellwright.kb.store.database import (
 from cellwright.kb.store.journal import JournalProof, journal_proof, lines, runs
 from cellwright.kb.store.journal import metadata as journal_tables
 from cellwright.kb.store.macrop_documents import loads
+from cellwright.kb.store.run_lease import metadata as lease_tables
 from cellwright.kb.store.site_key import site_key
 from cellwright.kb.store.table_schema import (
     CURRENT_SCHEMA,
@@ -64,6 +65,7 @@ from cellwright.kb.store.term_notation import NotationError
 
 MAX_FINDINGS_OF_KIND = 5  # findings of one kind
 DAMAGE_CODE = "K422"
+ORDER_KIND = "order"  # of the lines that tell of orders
 RESTORE_HINT = "`cellwright store restore BACKUP --replace` puts a backup in its place"
 
 Rows = dict[str, int]
@@ -77,6 +79,7 @@ def store_tables() -> list[Table]:
         *library_tables.sorted_tables,
         *case_tables.sorted_tables,
         *journal_tables.sorted_tables,
+        *lease_tables.sorted_tables,
     ]
     return [table for table in tables_found if table not in (dependencies, versions)]
 
@@ -257,14 +260,30 @@ def _journal_damage(connection: Connection) -> Iterator[str]:
             yield f"the journal of run '{run}': {finding}"
 
 
+class NotedOrder(NamedTuple):
+    """An order that a journal tells of: its line, when it was given (UTC), by whom and from where,
+    and what it says besides. Empty where the journal does not tell.
+    """
+
+    line: int
+    when: str
+    who: str
+    origin: str
+    order: str
+    given: str
+
+
 @dataclass(frozen=True, slots=True)
 class VerifiedJournal:
-    """A journal that was looked at from its first line to its head, and who began it when."""
+    """A journal that was looked at from its first line to its head, who began it when, and who has
+    given which order since.
+    """
 
     run: str
     begun: str
     account: str
     proof: JournalProof
+    orders: tuple[NotedOrder, ...] = ()
 
 
 def verify_journals(store: str) -> tuple[VerifiedJournal, ...]:
@@ -286,8 +305,20 @@ def verify_journals(store: str) -> tuple[VerifiedJournal, ...]:
                 about = _parse_json(text)
                 account = about.get("account", "") if isinstance(about, dict) else ""
                 proof = journal_proof(connection, run, key)
-                verified.append(VerifiedJournal(run, begun, str(account), proof))
+                orders = tuple(_noted_orders(connection, run))
+                verified.append(VerifiedJournal(run, begun, str(account), proof, orders))
     return tuple(verified)
+
+
+def _noted_orders(connection: Connection, run: str) -> Iterator[NotedOrder]:
+    """The orders in a journal, as far as they can be read."""
+    asked = select(lines.c.number, lines.c.content).where(lines.c.run == run)
+    asked = asked.where(lines.c.kind == ORDER_KIND).order_by(lines.c.number)
+    for number, said in connection.execute(asked):
+        content = _parse_json(said)
+        if isinstance(content, dict):
+            keys = ("when", "who", "origin", "order", "given")
+            yield NotedOrder(number, *(str(content.get(key, "")) for key in keys))
 
 
 def known_journals(connection: Connection) -> list[str]:
@@ -446,6 +477,7 @@ def _make_library(store: str) -> None:
         with open_transaction(engine, store, writes=True) as connection:
             case_tables.create_all(connection)
             journal_tables.create_all(connection)
+            lease_tables.create_all(connection)
     finally:
         engine.dispose()
 

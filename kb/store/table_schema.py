@@ -218,6 +218,13 @@ def _with_chained_journals(connection: Connection) -> None:
         connection.execute(text("ALTER TABLE journal ALTER COLUMN at_ms TYPE BIGINT"))
 
 
+def _with_leases(connection: Connection) -> None:
+    """Keep older versions out, which would drive a run without asking for its lease.
+
+    The table of the leases is made by whoever wants the first one.
+    """
+
+
 SCHEMA_MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _create_first_tables,
     _with_usage,
@@ -228,6 +235,7 @@ SCHEMA_MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _with_poses,
     _with_units,
     _with_chained_journals,
+    _with_leases,
 )
 CURRENT_SCHEMA = len(SCHEMA_MIGRATIONS)
 FIRST_CHAINED_SCHEMA = 9  # whose journals have chains

@@ -209,6 +209,7 @@ def journal(path: Path) -> None:
     resumed from it.
     """
     from cellwright.engine.pipelines.execution.plan_records import compiled_of
+    from cellwright.engine.pipelines.execution.record_shapes import read_record
     from cellwright.engine.pipelines.execution.run_journal import reading_past
     from cellwright.engine.pipelines.execution.run_results import read_run_results
     from cellwright.kb.diagnostics import InvalidInput
@@ -217,12 +218,12 @@ def journal(path: Path) -> None:
     content, refused = _object(path), 0
     for take in (
         lambda: read_run_results(
-            Begun("r", "", {}), _problem(), [JournalLine(1, 0, "reply", content)]
+            Begun("r", "", {}), _problem(), [read_record(JournalLine(1, 0, "reply", content))]
         ),
         lambda: read_run_results(
-            Begun("r", "", {}), _problem(), [JournalLine(1, 0, "done", content)]
+            Begun("r", "", {}), _problem(), [read_record(JournalLine(1, 0, "done", content))]
         ),
-        lambda: compiled_of(content),
+        lambda: compiled_of(read_record(JournalLine(1, 0, "plan", content)).content),
     ):
         try:
             with reading_past("store", "r"):

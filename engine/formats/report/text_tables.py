@@ -15,6 +15,17 @@ WORD_PATTERN = re.compile(r"(?:for )?[^ ]* ?")
 TERM_PIECE = re.compile(r"[^ (]*[ (]?")
 
 
+def join_ranges(numbers: Iterable[int]) -> str:
+    """Ascending numbers in few words: `1..4, 7`."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1][1:] = [number]
+        else:
+            runs.append([number])
+    return ", ".join("..".join(map(str, run)) for run in runs)
+
+
 def wrap_text(text: str, width: int, indent: int = 2) -> str:
     """The text in lines of at most `width` characters (at least 4); all lines except the first are
     indented.

@@ -19,13 +19,18 @@ from cellwright.engine.pipelines.execution.plan_records import (
     read_ground_atom,
     step_entries,
 )
+from cellwright.engine.pipelines.execution.record_shapes import (
+    DamagedRecord,
+    read_record,
+    require_plan,
+)
 from cellwright.engine.pipelines.execution.run_progress import RunProgress
 from cellwright.engine.pipelines.execution.run_resumption import PastRun
 from cellwright.engine.pipelines.recovery import StepAchievement, SymbolicWorld
 from cellwright.engine.pipelines.recovery.symbolic_world import achievement_of
 from cellwright.engine.stages.execution.start_forecast import Accuracy
 from cellwright.kb.garbage_collection import no_search_for_cycles
-from cellwright.kb.store.journal import Journal, JournalLine
+from cellwright.kb.store.journal import Journal
 
 MIN_PAGED_STEPS = 1_000  # steps of a plan that is written anew when a part of it is done
 REWRITTEN_PART = 3  # one of so many; all that is written so is at most twice the plan
@@ -113,10 +118,11 @@ def past_of(journal: Journal, run: str, past: PastRun) -> PastRun:
     number = _last_state(journal, run)
     with no_search_for_cycles():
         if number:
-            past.take(_record_of(_journal_line(journal, run, 1)))
+            past.take(_record_at(journal, run, 1))
             _restore_checkpoint(past, journal, run, number)
         for line in journal.lines(run, number):
-            past.take(_record_of(line))
+            past.take(read_record(line))
+    past.require_consistent()
     return past
 
 
@@ -125,14 +131,14 @@ def _last_state(journal: Journal, run: str) -> int:
     nothing refers to yet, are none.
     """
     number = journal.last(run, RecordKind.CHECKPOINT.value)
-    while number and "state" not in _journal_line(journal, run, number).content:
+    while number and "state" not in _record_at(journal, run, number).content:
         number = journal.last(run, RecordKind.CHECKPOINT.value, before=number)
     return number
 
 
 def _restore_checkpoint(past: PastRun, journal: Journal, run: str, number: int) -> None:
-    line = _journal_line(journal, run, number)
-    state = line.content["state"]
+    record = _record_at(journal, run, number)
+    state = record.content["state"]
     for addition in state["additions"]:
         past.extend(addition)
     if "lying" in state:
@@ -141,6 +147,7 @@ def _restore_checkpoint(past: PastRun, journal: Journal, run: str, number: int) 
     past.follow(content, state["plan"])
     if "whole" in content:
         past.entire = partial(_whole_program, journal, run, content["whole"])
+    _require_done_steps(state, content, number)
     facts = {read_ground_atom(fact) for fact in state["facts"]}
     past.world = SymbolicWorld(past.scope.problem.chains, facts, dict(state["reached"]))
     past.done = {step: 0 for first, last in state["done"] for step in range(first, last + 1)}
@@ -154,35 +161,56 @@ def _restore_checkpoint(past: PastRun, journal: Journal, run: str, number: int) 
     past.number, past.forecast_ms = state["number"], state["forecast_ms"]
     past.exceptions, past.steps = state["exceptions"], state["steps"]
     past.last = past.checkpoint = number
-    past.at_ms = line.at_ms
+    past.at_ms = record.at_ms
     past.history = _recorded_history(journal, run, number)
     past.told = len(past.history)
 
 
+def _require_done_steps(state: dict[str, Any], plan: dict[str, Any], number: int) -> None:
+    """The steps that are done are those of the plan. Raises `DamagedRecord`."""
+    known = {step["id"] for step in plan["steps"]}
+    ranges = state["done"]
+    many = sum(last - first + 1 for first, last in ranges)
+    if (
+        any(first > last for first, last in ranges)
+        or many > len(known)
+        or not all(step in known for first, last in ranges for step in range(first, last + 1))
+    ):
+        raise DamagedRecord(f"line {number} (checkpoint): `done` does not fit the plan")
+
+
 def _recorded_plan(journal: Journal, run: str, number: int) -> dict[str, Any]:
     """The plan that a record holds, with the steps on the pages before it."""
-    line = _journal_line(journal, run, number)
-    if line.kind != RecordKind.CHECKPOINT.value:
-        return dict(line.content)
-    rest = dict(line.content["rest"])
-    if pages := rest.pop("pages", 0):
-        before = islice(journal.lines(run, number - 1 - pages), pages)
-        rest["steps"] = [step for page in before for step in page.content["rest"]["steps"]] + rest[
-            "steps"
-        ]
-    return rest
+    record = _record_at(journal, run, number)
+    if record.kind is RecordKind.PLAN:
+        return dict(record.content)
+    pages = record.content.get("rest", {}).get("pages", 0)
+    rest = [_rest_of(_record_at(journal, run, n)) for n in range(number - pages, number + 1)]
+    plan = {**rest[-1], "steps": [step for page in rest for step in page["steps"]]}
+    plan.pop("pages", None)
+    require_plan(plan, f"line {number} ({record.kind})")
+    return plan
+
+
+def _rest_of(record: JournalRecord) -> dict[str, Any]:
+    """What is left of a plan, on one page. Raises `DamagedRecord` if the record has none."""
+    if record.kind is not RecordKind.CHECKPOINT or "rest" not in record.content:
+        raise DamagedRecord(f"line {record.number} is referred to as what is left of a plan")
+    return dict(record.content["rest"])
 
 
 def _whole_program(journal: Journal, run: str, number: int) -> CompiledProgram:
-    return compiled_of(_journal_line(journal, run, number).content)
+    return compiled_of(_recorded_plan(journal, run, number))
 
 
 def _recorded_history(journal: Journal, run: str, number: int) -> list[StepAchievement]:
     """What was done until a checkpoint that may matter to the fault base, in order."""
     parts = []
     while number:
-        state = _journal_line(journal, run, number).content["state"]
+        state = _state_at(journal, run, number)
         parts.append(state["history"])
+        if state["before"] >= number:
+            raise DamagedRecord(f"line {number} has a checkpoint before it that is behind it")
         number = state["before"]
     achievements = list[StepAchievement]()
     for step, added, moved in (work for part in reversed(parts) for work in part):
@@ -195,11 +223,17 @@ def _recorded_history(journal: Journal, run: str, number: int) -> list[StepAchie
     return achievements
 
 
-def _journal_line(journal: Journal, run: str, number: int) -> JournalLine:
+def _record_at(journal: Journal, run: str, number: int) -> JournalRecord:
+    """The record of a number. Raises `DamagedRecord` if there is none that a run writes."""
     line = journal.line(run, number)
-    assert line is not None  # lines count from 1 without gaps
-    return line
+    if line is None:
+        raise DamagedRecord(f"line {number} is referred to, and is not there")
+    return read_record(line)
 
 
-def _record_of(line: JournalLine) -> JournalRecord:
-    return JournalRecord(line.number, line.at_ms, RecordKind(line.kind), line.content)
+def _state_at(journal: Journal, run: str, number: int) -> dict[str, Any]:
+    """The state in the checkpoint of a number. Raises `DamagedRecord` if there is none."""
+    record = _record_at(journal, run, number)
+    if record.kind is not RecordKind.CHECKPOINT or "state" not in record.content:
+        raise DamagedRecord(f"line {number} is referred to as a checkpoint")
+    return dict(record.content["state"])

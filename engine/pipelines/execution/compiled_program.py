@@ -16,16 +16,16 @@ from cellwright.engine.stages.scheduling.plan_blocks import (
     arm_resource,
     contains_term,
 )
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.loader.problem_amounts import amounts_of
 from cellwright.kb.model.conditions import Literal, goal_parts
 from cellwright.kb.model.domain_model import Command, Domain, Operator
-from cellwright.kb.model.operator_amounts import range_of_step
+from cellwright.kb.model.operator_amounts import NoAmount, range_of_step, step_of
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem, reaches_stage
 from cellwright.kb.syntax import SECONDS_PER_UNIT
-from cellwright.kb.terms import Atom, Function, Term, stage_parts, substitute_term
+from cellwright.kb.terms import Atom, Function, Term, is_ground, stage_parts, substitute_term
 
-TIMEOUT_FACTOR = 2  # a reply may take so many times the forecast
-GRACE_MS = 30_000  # and so much longer
 PERSON_STREAM = "person"  # the stream of steps for a person
 
 
@@ -77,6 +77,7 @@ def compile_plan(
     rests = resting_steps(problem, ordered, changes, start)
     operators = {operator.name: operator for operator in problem.domain.operators}
     hands, longest = hands_of(problem, ordered), _longest_durations(problem, ordered)
+    limits = ReplyLimits(problem)
     activities, expects, results = {}, {}, {}
     for step in sorted(ordered, key=lambda plan_step: starts[plan_step.id]):
         number, operator = int(step.id), operators.get(step.operator.name)
@@ -86,6 +87,9 @@ def compile_plan(
             results[number] = command.result
         begins = begin_ms + int(starts[step.id] * unit)
         activity = _activity_of(step, operator, command, begins, int(step.duration * unit))
+        activity = replace(activity, timeout_ms=limits.of_step(step, operator))
+        if step.id in longest:
+            activity = replace(activity, longest_ms=int(longest[step.id] * unit))
         process = bool(hands) and not hands.intersection(activity.resources)
         activities[number] = replace(
             activity,
@@ -93,8 +97,6 @@ def compile_plan(
             process=process,
             rule=rules[number].scaled(unit, begin_ms) if number in rules else None,
         )
-        if step.id in longest:
-            activities[number] = _with_longest(activities[number], int(longest[step.id] * unit))
     dwells = tuple(
         dict.fromkeys(
             Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms, s.thing, s.place)
@@ -116,12 +118,6 @@ def _longest_durations(problem: Problem, steps: Sequence[Step]) -> dict[StepId, 
         for step in steps
         if step.operator.name in varying
     }
-
-
-def _with_longest(activity: Activity, longest_ms: int) -> Activity:
-    """An activity that may last so long, and counts as failed some time after that."""
-    late_ms = TIMEOUT_FACTOR * max(longest_ms, activity.lasts_ms) + GRACE_MS
-    return replace(activity, longest_ms=longest_ms, timeout_ms=late_ms)
 
 
 def _known_plan(plan: Plan) -> Plan:
@@ -146,26 +142,64 @@ def _activity_of(
         tuple(map(int, step.after)),
         tuple(map(str, step.resources)),
         begins_ms,
-        TIMEOUT_FACTOR * lasts_ms + GRACE_MS,
-        _device_text(command.stream, stream),
-        str(command.reply),
+        says=_device_text(command.stream, stream),
+        expects=str(command.reply),
         asks=stream.partition("(")[0] == PERSON_STREAM,
         looks=looks,
         watches=watches,
     )
 
 
-def activity_alone(domain: Domain, step: Step) -> tuple[Activity, Term]:
+class ReplyLimits:
+    """After how many milliseconds without a reply the commands of a problem are given up.
+
+    An operator says it for its steps (`timeout`), the domain for all others (`timeouts`).
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.domain, self.unit = problem.domain, unit_ms(problem.domain)
+        self._amounts = amounts_of(problem)
+
+    def of_step(self, step: Step, operator: Operator | None) -> int:
+        """The limit of a step.
+
+        Raises `InvalidInput` if its `timeout` cannot be told, or is less than the step lasts at
+        most.
+        """
+        longest = step.duration
+        if operator is not None and operator.varies:
+            longest = max(longest, range_of_step(self._amounts, step).most)
+        if operator is None or operator.timeout is None:
+            return self.of_forecast(int(longest * self.unit))
+        bindings = dict(zip(operator.variables, step.operator.arguments, strict=True))
+        try:
+            limit = self._amounts.of(operator.timeout, bindings, 0)
+        except NoAmount as error:
+            message = f"the time limit of {step.operator} cannot be told: {error}"
+            raise InvalidInput([Diagnostic(operator.where, "K115", message, error.hint)]) from None
+        if limit <= 0 or limit < longest:
+            message = f"{step.operator} is given up before it can end: after {limit}"
+            hint = "`timeout` is at least the duration, and more than 0"
+            raise InvalidInput([Diagnostic(operator.where, "K113", message, hint)])
+        return int(limit * self.unit)
+
+    def of_forecast(self, lasts_ms: int) -> int:
+        """The limit of a command that no operator says it for."""
+        return int(self.domain.reply_times.limit_s(Fraction(lasts_ms, 1000)) * 1000)
+
+
+def activity_alone(problem: Problem, step: Step) -> tuple[Activity, Term]:
     """A step that belongs to no program, as an activity, and the pattern of a normal reply to
     it.
     """
+    domain = problem.domain
     operator = next(
         (candidate for candidate in domain.operators if candidate.name == step.operator.name), None
     )
     command = _command_of(operator, step)
-    return _activity_of(
-        step, operator, command, 0, int(step.duration * unit_ms(domain))
-    ), command.reply
+    activity = _activity_of(step, operator, command, 0, int(step.duration * unit_ms(domain)))
+    limit = ReplyLimits(problem).of_step(step, operator)
+    return replace(activity, timeout_ms=limit), command.reply
 
 
 def with_queues(compiled: CompiledProgram, lookahead: Callable[[str], int]) -> CompiledProgram:
@@ -282,6 +316,22 @@ def stream_of(stream_term: Term, step: Step) -> str:
         return str(stream_term)
     devices = tuple(argument for argument in stream_term.arguments if argument in step.resources)
     return str(Function(stream_term.name, devices))
+
+
+def device_of(problem: Problem, instance: Term | None) -> str:
+    """The stream of a step, given as an operator instance; empty if there is no such step."""
+    operator = next(
+        (
+            candidate
+            for candidate in problem.domain.operators
+            if isinstance(instance, Function) and candidate.name == instance.name
+        ),
+        None,
+    )
+    if operator is None or not isinstance(instance, Function) or not is_ground(instance):
+        return ""
+    step = step_of(amounts_of(problem), StepId(1), instance)
+    return stream_of(_command_of(operator, step).stream, step)
 
 
 def looks_of(operator: Operator | None, step: Step) -> tuple[tuple[str, ...], tuple[str, ...]]:

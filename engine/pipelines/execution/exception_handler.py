@@ -7,7 +7,7 @@ from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.model.run_protocol import RecordKind
 from cellwright.engine.model.troubleshooting import Action, CaseAdvice, CaseDiagnosis, Revision
-from cellwright.engine.pipelines.execution.compiled_program import activity_alone, unit_ms
+from cellwright.engine.pipelines.execution.compiled_program import activity_alone
 from cellwright.engine.pipelines.execution.executable_plan import (
     ReadyPlan,
     compile_ready_plan,
@@ -342,7 +342,7 @@ class ExceptionHandler:
     def _act(self, desk: DiagnosisCase, name: str, outcomes: Sequence[str]) -> str | None:
         """The outcome of a test, a repair or a question; None if nobody answers as one should."""
         performed = perform_command(
-            self.course, case_command(desk, name, outcomes, unit_ms(self.scope.problem.domain))
+            self.course, case_command(desk, name, outcomes, self.scope.problem)
         )
         return performed.reply if performed.reply in outcomes else None
 
@@ -366,7 +366,7 @@ class ExceptionHandler:
         Raises `Interruption`.
         """
         for number, step in enumerate(steps):
-            activity, expected = activity_alone(self.scope.problem.domain, step)
+            activity, expected = activity_alone(self.scope.problem, step)
             performed = perform_command(self.course, command_of(0, activity))
             if match_reply(expected, performed.reply) is None:
                 taken = tuple(step.operator for step in steps[:number])

@@ -6,7 +6,7 @@ from typing import Any
 
 from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.run_protocol import RecordKind
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
 from cellwright.engine.model.shape_fits import Alignment
 from cellwright.engine.model.troubleshooting import Revision
 from cellwright.engine.pipelines.execution.exception_handler import ExceptionHandler, GivesUp
@@ -34,7 +34,6 @@ from cellwright.engine.pipelines.recovery.replanning import recover_goals
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.model.measured_results import Measured
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.store.journal import JournalLine
 
 ALIGNED, AGAIN = "aligned", "again"  # reasons for another plan
 DATUMS_MISFIT = "not_aligned"  # the reply that the fault base knows for datums that fit nowhere
@@ -65,20 +64,20 @@ def datums_first(first_plan: ReadyPlan, scope: RunScope) -> tuple[ReadyPlan, Run
     ), narrow
 
 
-def measured_in(lines: Iterable[JournalLine]) -> list[Measured]:
+def measured_in(records: Iterable[JournalRecord]) -> list[Measured]:
     """The values that the results in a journal hold."""
-    return [_measured_value(line) for line in lines if line.content.get("of") is not None]
+    return [_measured_value(record) for record in records if record.content.get("of") is not None]
 
 
-def _measured_value(line: JournalLine) -> Measured:
-    content = line.content
+def _measured_value(record: JournalRecord) -> Measured:
+    content = record.content
     numbers = (
         content["nominal"],
         content["lower"],
         content["upper"],
         content["tool"],
         content["action"],
-        line.at_ms,
+        record.at_ms,
     )
     sure = (content.get("uncertainty"), content.get("risk"))
     return Measured(

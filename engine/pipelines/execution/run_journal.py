@@ -1,12 +1,13 @@
 """Writing and reading a run's journal: records are on disk first, spoiled ones are bad input."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
 
 from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
-from cellwright.kb.asp import AspError
+from cellwright.engine.pipelines.execution.record_shapes import DamagedRecord, read_record
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.store.journal import JournalLine
 
 Watcher = Callable[[JournalRecord], None]
 
@@ -66,17 +67,6 @@ class Recorder:
                 watcher(record)
 
 
-JOURNAL_ERRORS = (
-    AspError,
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    LookupError,
-    TypeError,
-    ValueError,
-)
-
-
 @contextmanager
 def reading_past(store: str, run: str) -> Iterator[None]:
     """A context that reads the records of a run.
@@ -85,9 +75,14 @@ def reading_past(store: str, run: str) -> Iterator[None]:
     """
     try:
         yield
-    except JOURNAL_ERRORS as error:
-        reason = (
-            f"the journal of run '{run}' says what no run writes: {type(error).__name__}: {error}"
-        )
+    except DamagedRecord as error:
+        reason = f"the journal of run '{run}' says what no run writes: {error}"
         hint = "`cellwright store restore BACKUP --replace` puts a backup in its place"
         raise InvalidInput([Diagnostic(Source(store), "K422", reason[:200], hint)]) from error
+
+
+def read_records(store: str, run: str, lines: Iterable[JournalLine]) -> Iterator[JournalRecord]:
+    """The records of a run, each looked at. Raises `InvalidInput` if no run writes one of them."""
+    with reading_past(store, run):
+        for line in lines:
+            yield read_record(line)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping, MutableSet, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +17,11 @@ from cellwright.engine.model.run_protocol import (
 )
 from cellwright.engine.model.verdicts import Spoilt
 from cellwright.engine.pipelines.execution.compiled_program import (
-    GRACE_MS,
-    TIMEOUT_FACTOR,
+    PERSON_STREAM,
     CompiledProgram,
+    ReplyLimits,
+    device_of,
+    unit_ms,
 )
 from cellwright.engine.pipelines.execution.operator_orders import GivenOrder, OrderSource
 from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
@@ -39,6 +40,7 @@ from cellwright.kb.asp import AspError, ground_term
 from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.model.measured_results import Measured
 from cellwright.kb.model.plan_model import Plan
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import (
     Atom,
     Function,
@@ -71,12 +73,14 @@ def command_of(number: int, activity: Activity) -> DriverCommand:
 
 
 def case_command(
-    desk: DiagnosisCase, name: str, outcomes: Sequence[str], unit: Fraction
+    desk: DiagnosisCase, name: str, outcomes: Sequence[str], problem: Problem
 ) -> DriverCommand:
-    """The command for a test or a repair of a case, or for the question to a person; a unit of
-    costs is so many ms.
+    """The command for a test or a repair of a case, or for the question to a person.
+
+    It goes to the device of the step that carries it out (`by`), to the whole cell if none is
+    named.
     """
-    model = desk.model
+    model, unit = desk.model, unit_ms(problem.domain)
     action = model.tests.get(name) or model.repairs.get(name)
     lasts = int((action.duration or action.cost if action is not None else model.stop) * unit)
     kind = CommandKind.ASK
@@ -84,8 +88,9 @@ def case_command(
         kind = CommandKind.TEST if name in model.tests else CommandKind.REPAIR
     asks = kind is CommandKind.ASK or (action is not None and action.asks)
     says = desk.says(name) if action is not None else desk.session.diagnosis().question_text
-    stream = "person" if asks else "cell"
-    timeout = TIMEOUT_FACTOR * lasts + GRACE_MS
+    by = None if action is None or action.by is None else substitute_term(action.by, desk.binding)
+    stream = PERSON_STREAM if asks else device_of(problem, by) or CELL_STREAM
+    timeout = ReplyLimits(problem).of_forecast(lasts)
     return DriverCommand(
         0, kind, stream, name, says, "", tuple(outcomes), lasts, timeout, asks=asks
     )
@@ -193,6 +198,7 @@ def arms_entry(paths: "RunPaths | None", number: int) -> dict[str, Any]:
     return {"arms": places} if places else {}
 
 
+CELL_STREAM = "cell"  # of tests and repairs whose device nobody names
 PLACED_KINDS = (
     CommandKind.STEP,
     CommandKind.TEST,

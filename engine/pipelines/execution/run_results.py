@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cellwright.engine.model.part_measurements import chooses_tools
-from cellwright.engine.model.run_protocol import RecordKind
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
 from cellwright.engine.model.verdicts import Survey
 from cellwright.engine.pipelines import inspection
-from cellwright.engine.pipelines.execution.run_journal import reading_past
+from cellwright.engine.pipelines.execution.run_journal import read_records
 from cellwright.engine.pipelines.inspection.nominal_values import MeasurementJudge
 from cellwright.engine.pipelines.inspection.spoilt_values import spoilt_in
 from cellwright.engine.pipelines.inspection.tool_tours import partition_by_tool
@@ -16,7 +16,7 @@ from cellwright.engine.pipelines.planning.target_files import problem_of
 from cellwright.kb.asp import ground_term
 from cellwright.kb.model.measured_results import Measured, Results, Treated
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.store.journal import Begun, Journal, JournalLine
+from cellwright.kb.store.journal import Begun, Journal
 from cellwright.kb.terms import Function, Term
 
 RESULT_KINDS = (RecordKind.REPLY.value, RecordKind.DONE.value)
@@ -46,8 +46,8 @@ def results_of(store: str, run: str) -> Results:
         journal.require_whole(run, unchained=True)
         about = begun.document
         problem = problem_of(*(str(about.get(key, "")) for key in ("target", "goals", "command")))
-        with reading_past(store, run):
-            return read_run_results(begun, problem, journal.lines(run, kinds=RESULT_KINDS))
+        records = read_records(store, run, journal.lines(run, kinds=RESULT_KINDS))
+        return read_run_results(begun, problem, records)
 
 
 @dataclass(frozen=True)
@@ -73,37 +73,35 @@ def survey_of(store: str, run: str) -> Told:
         journal.require_whole(run, unchained=True)
         about = begun.document
         problem = problem_of(*(str(about.get(key, "")) for key in ("target", "goals", "command")))
-        with reading_past(store, run):
-            results = read_run_results(begun, problem, journal.lines(run, kinds=RESULT_KINDS))
-            subjects = tuple(dict.fromkeys(str(chain.subject) for chain in problem.chains))
-            if not results.measured:
-                return Told(results, None, subjects)
-            lines_told = list(journal.lines(run, kinds=SURVEY_KIND_NAMES))
+        records = read_records(store, run, journal.lines(run, kinds=RESULT_KINDS))
+        results = read_run_results(begun, problem, records)
+        subjects = tuple(dict.fromkeys(str(chain.subject) for chain in problem.chains))
+        if not results.measured:
+            return Told(results, None, subjects)
+        told = list(read_records(store, run, journal.lines(run, kinds=SURVEY_KIND_NAMES)))
     placed = [
-        (line.content, line.at_ms) for line in lines_told if line.kind == RecordKind.ALIGNMENT.value
+        (record.content, record.at_ms) for record in told if record.kind is RecordKind.ALIGNMENT
     ]
-    given_up = list(_given_up(lines_told))
+    given_up = list(_given_up(told))
     spoilt = spoilt_in(
-        (line.content, line.at_ms) for line in lines_told if line.kind == RecordKind.WORLD.value
+        (record.content, record.at_ms) for record in told if record.kind is RecordKind.WORLD
     )
-    again = _repeat_reasons(
-        line.content for line in lines_told if line.kind == RecordKind.DECISION.value
-    )
+    again = _repeat_reasons(record.content for record in told if record.kind is RecordKind.DECISION)
     surveyed = inspection.survey_run(
         problem, results, placed, given_up, _impossible_goals(problem), spoilt, again
     )
     return Told(results, surveyed, subjects)
 
 
-def _given_up(told: Iterable[JournalLine]) -> Iterator[tuple[str, str]]:
+def _given_up(told: Iterable[JournalRecord]) -> Iterator[tuple[str, str]]:
     """The goals that were given up, each with its reason: before a plan was made, or while it
     was carried out.
     """
-    for line in told:
-        if line.kind == RecordKind.PLAN.value:
-            yield from ((goal, why) for goal, why in line.content.get("given_up", ()))
-        elif line.kind == RecordKind.GIVEN_UP.value:
-            yield line.content["goal"], line.content["why"]
+    for record in told:
+        if record.kind is RecordKind.PLAN:
+            yield from ((goal, why) for goal, why in record.content["given_up"])
+        elif record.kind is RecordKind.GIVEN_UP:
+            yield record.content["goal"], record.content["why"]
 
 
 def _repeat_reasons(decisions: Iterable[Mapping[str, Any]]) -> dict[str, list[str]]:
@@ -119,11 +117,11 @@ def _impossible_goals(problem: Problem) -> Mapping[str, str]:
     return partition_by_tool(problem).impossible if chooses_tools(problem.domain) else {}
 
 
-def read_run_results(begun: Begun, problem: Problem, lines: Iterable[JournalLine]) -> Results:
-    """The results in the lines of a journal."""
+def read_run_results(begun: Begun, problem: Problem, records: Iterable[JournalRecord]) -> Results:
+    """The results in the records of a journal."""
     reader = _Reader(problem)
-    for line in lines:
-        reader.take(line)
+    for record in records:
+        reader.take(record)
     return Results(begun.run, begun.begun, tuple(reader.measured), tuple(reader.history))
 
 
@@ -148,16 +146,16 @@ class _Reader:
         self.objects = {name for name, type_ in named.items() if type_ not in closed}
         self.measuring = MeasurementJudge(self.problem)
 
-    def take(self, line: JournalLine) -> None:
-        content = line.content
-        if line.kind == RecordKind.REPLY.value:
+    def take(self, record: JournalRecord) -> None:
+        content = record.content
+        if record.kind is RecordKind.REPLY:
             self.replies[content["command"]] = content["text"]
             return
         step = ground_term(content["action"])
         if not isinstance(step, Function):
             return
         reply = self.replies.pop(content.get("command", 0), "")
-        self._measure(step, reply, line.at_ms)
+        self._measure(step, reply, record.at_ms)
         changes = [*content.get("adds", ()), *content.get("events", ())]
         for name_in_step in dict.fromkeys(
             name for name in _argument_names(step) if name in self.objects
@@ -168,7 +166,7 @@ class _Reader:
                 if name_in_step in set(_argument_names(ground_term(change)))
             )
             self.history.append(
-                Treated(name_in_step, str(step), content["started_ms"], line.at_ms, own)
+                Treated(name_in_step, str(step), content["started_ms"], record.at_ms, own)
             )
 
     def _measure(self, step: Function, reply: str, at_ms: int) -> None:

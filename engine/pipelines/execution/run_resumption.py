@@ -29,6 +29,7 @@ from cellwright.engine.pipelines.execution.plan_records import (
     read_ground_atom,
     scope_of,
 )
+from cellwright.engine.pipelines.execution.record_shapes import DamagedRecord
 from cellwright.engine.pipelines.execution.run_goals import RunScope, extend_problem, read_addition
 from cellwright.engine.pipelines.execution.run_loop import RunLoop
 from cellwright.engine.pipelines.execution.run_progress import WrittenPlan, head_of
@@ -137,6 +138,8 @@ class PastRun:
         self.entire = None
         self._closed()
         self.done = {}
+        if strange := {number for number, _ in content.get("running", ())} - set(self.sent):
+            raise DamagedRecord(f"command {min(strange)} is under way and was never sent")
         self.sent = {
             number: ({**self.sent[number][0], "step": step}, self.sent[number][1])
             for number, step in content.get("running", ())
@@ -271,6 +274,15 @@ class PastRun:
         self.cases = {}  # what failed was put right before the run is taken up again
         if self.ended == "stopped":
             self.met = {}  # and what was in the way was taken away
+
+    def require_consistent(self) -> None:
+        """Raises `DamagedRecord` if records refer to steps or stages that are not there."""
+        steps = {entry["step"] for entry, _ in self.under_way().values()} | set(self.done)
+        if strange := sorted(steps - set(self.steps_by_number)):
+            raise DamagedRecord(f"step {strange[0]} is told of, and is not in the plan")
+        for chain in self.world.chains:
+            if self.world.reached[chain.name] > max(len(chain.stages), 0):
+                raise DamagedRecord(f"more stages of {chain.name} are reached than there are")
 
     def under_way(self) -> Mapping[int, tuple[Content, int]]:
         """The commands for steps that have not been settled, and when they were sent."""

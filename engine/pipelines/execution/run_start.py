@@ -1,19 +1,22 @@
 """Start of a run: plan, driver, journal, ordered faults, and facts known beside the problem."""
 
-import getpass
 import itertools
-import os
-import platform
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.model.outcome import Outcome
-from cellwright.engine.model.run_protocol import PROTOCOL_VERSION, Finish, JournalRecord, RecordKind
+from cellwright.engine.model.run_protocol import (
+    PROTOCOL_VERSION,
+    TAKEN_UP_AGAIN,
+    Finish,
+    JournalRecord,
+    RecordKind,
+)
 from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.model.start_rules import NO_RULES, StartRules
 from cellwright.engine.pipelines import motion as motion_room
@@ -26,11 +29,18 @@ from cellwright.engine.pipelines.execution.executable_plan import (
     first_plan,
 )
 from cellwright.engine.pipelines.execution.inspector import datums_first, measured_in
+from cellwright.engine.pipelines.execution.leased_driver import under_lease
 from cellwright.engine.pipelines.execution.operator_orders import OrderSource
 from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
+from cellwright.engine.pipelines.execution.record_shapes import require_beginning
 from cellwright.engine.pipelines.execution.run_control import RunExecution
 from cellwright.engine.pipelines.execution.run_goals import RunScope
-from cellwright.engine.pipelines.execution.run_journal import Recorder, Watcher, reading_past
+from cellwright.engine.pipelines.execution.run_journal import (
+    Recorder,
+    Watcher,
+    read_records,
+    reading_past,
+)
 from cellwright.engine.pipelines.execution.run_resumption import PastRun
 from cellwright.engine.pipelines.inspection.spoilt_values import spoilt_in
 from cellwright.engine.pipelines.recovery import KeptHistory, SymbolicWorld
@@ -44,7 +54,8 @@ from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_
 from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.numbers import is_count
-from cellwright.kb.store.journal import Journal, JournalLine
+from cellwright.kb.store.journal import Journal, JournalLine, LeaseLost
+from cellwright.kb.store.run_lease import RunLease, account_name, taken_lease
 from cellwright.kb.terms import Function
 
 if TYPE_CHECKING:
@@ -185,7 +196,8 @@ FINAL_OUTCOMES = ("reached", "partly", "aborted")  # endings after which there i
 class RunRequest:
     """What is to be run and how.
 
-    `target` and the texts are kept in the journal, so that the run can be resumed.
+    `target` and the texts are kept in the journal, so that the run can be resumed. `lease` is that
+    of the run, once `name_run` has named it.
     """
 
     target: str
@@ -199,19 +211,28 @@ class RunRequest:
     options: Mapping[str, str] = field(default_factory=dict)
     approve: bool = False
     motion: bool = False
+    lease: RunLease | None = field(default=None, compare=False, repr=False)
 
 
 class JournalLedger:
-    """The journal of one run, in a database."""
+    """The journal of one run, in a database; with a lease, it is written only under the lease."""
 
-    def __init__(self, journal: Journal, run: str) -> None:
-        self.journal, self.run = journal, run
+    def __init__(self, journal: Journal, run: str, lease: RunLease | None = None) -> None:
+        self.journal, self.run, self.lease = journal, run, lease
 
     def append(self, records: Sequence[JournalRecord]) -> None:
         """Append records; they are on the disk when this returns. Raises `JournalFailure`."""
-        self.journal.append(
-            self.run, [JournalLine(r.number, r.at_ms, r.kind.value, r.content) for r in records]
-        )
+        group = [JournalLine(r.number, r.at_ms, r.kind.value, r.content) for r in records]
+        if self.lease is None:
+            self.journal.append(self.run, group)
+            return
+        began = self.lease.clock()
+        try:
+            self.journal.append(self.run, group, self.lease.fence)
+        except LeaseLost:
+            self.lease.lose()
+            raise
+        self.lease.confirm(began)
 
 
 def begin_run(
@@ -244,15 +265,18 @@ def begin_run(
         plan_or_outcome = first_plan(problem, limits, outcome, request.store)
     if not isinstance(plan_or_outcome, ReadyPlan):
         return plan_or_outcome
-    with Journal(request.store) as journal:
+    with _held_lease(request) as lease, Journal(request.store) as journal:
         run, base = request.run, fault_base(problem)
         if request.options.get("fault"):
             faults = settle_faults(request.options["fault"], plan_or_outcome, base)
             request = replace(request, options={**request.options, "fault": faults})
-        setup = DriverSetup(problem, run, request.seed, request.factor, request.options)
-        run_driver = make_driver(request.driver, setup)
+        setup = DriverSetup(
+            problem, run, request.seed, request.factor, request.options, lease.fence
+        )
+        run_driver = under_lease(make_driver(request.driver, setup), lease)
         try:
-            recorder = Recorder(JournalLedger(journal, run), run_driver.now_ms, watchers)
+            ledger = JournalLedger(journal, run, lease)
+            recorder = Recorder(ledger, run_driver.now_ms, watchers)
             as_read = as_read or _read_problem(request.target, request.goals, request.command)
             more = added_knowledge(as_read, problem)
             recorder.note(RecordKind.RUN, **run_document(request, problem), **more)
@@ -268,6 +292,14 @@ def begin_run(
             run_driver.close()
 
 
+@contextmanager
+def _held_lease(request: RunRequest) -> Iterator[RunLease]:
+    """The lease that a run was named with, or one that is taken now; given back at the end."""
+    lease = request.lease or taken_lease(request.store, request.run)
+    with lease:
+        yield lease
+
+
 def resume_run(
     store: str,
     run: str,
@@ -281,24 +313,29 @@ def resume_run(
 
     The journal is proved whole before anything is asked of the driver; one that an older version
     began has no chain, and is taken if `unchained` says so. Raises `InvalidInput` if there is no
-    such run, if it is over, or if its journal is damaged.
+    such run, if it is over, if another process drives it, or if its journal is damaged.
     """
-    with Journal(store) as journal:
+    with ExitStack() as stack:
+        journal = stack.enter_context(Journal(store))
         about = journal.known(run).document
+        with reading_past(store, run):
+            require_beginning(about)
+        lease = stack.enter_context(taken_lease(store, run))
         journal.require_whole(run, unchained)
         problem = _read_problem(
             *(str(about.get(key, "")) for key in ("target", "goals", "command"))
         )
-        first_line = journal.line(run, 1)
-        with reading_past(store, run):
-            problem = with_knowledge(problem, first_line.content if first_line else {})
+        first_lines = journal.lines(run, until=1)
+        for first_record in read_records(store, run, first_lines):
+            problem = with_knowledge(problem, first_record.content)
         base = fault_base(problem)
         start = SymbolicWorld.of(problem, initial_situation(problem).state)
         with reading_past(store, run):
             past = past_of(journal, run, PastRun(start, RunScope(problem), KeptHistory.of(base)))
-            past.measured = measured_in(journal.lines(run, kinds=(RecordKind.RESULT.value,)))
-            worlds = journal.lines(run, kinds=(RecordKind.WORLD.value,))
-            past.spoilt = spoilt_in((line.content, line.at_ms) for line in worlds)
+        results = journal.lines(run, kinds=(RecordKind.RESULT.value,))
+        past.measured = measured_in(read_records(store, run, results))
+        worlds = read_records(store, run, journal.lines(run, kinds=(RecordKind.WORLD.value,)))
+        past.spoilt = spoilt_in((record.content, record.at_ms) for record in worlds)
         if past.plan is None or past.ended in FINAL_OUTCOMES:
             reason = (
                 f"the run {run} is over: {past.ended}"
@@ -307,10 +344,15 @@ def resume_run(
             )
             raise InvalidInput([Diagnostic(Source(run), "K421", reason, "begin another run")])
         setup = setup_of({**about, **past.run}, problem, run)
-        setup = setup if factor is None else replace(setup, factor=factor)
-        run_driver = make_driver(str(about["driver"]), setup)
+        setup = replace(setup, fence=lease.fence, factor=setup.factor if factor is None else factor)
+        run_driver = under_lease(make_driver(str(about["driver"]), setup), lease)
         try:
-            recorder = Recorder(JournalLedger(journal, run), run_driver.now_ms, watchers, past.last)
+            ledger, began_ms = JournalLedger(journal, run, lease), past.at_ms
+            # times of a journal never go back, whatever a controller that was started again says
+            recorder = Recorder(
+                ledger, lambda: max(began_ms, run_driver.now_ms()), watchers, past.last
+            )
+            recorder.note(RecordKind.ORDER, **_resume_order())
             paths = _run_paths(about, past.whole, store) if about.get("motion") else None
             execution = RunExecution(
                 run, past.whole, run_driver, recorder, orders, base, limits, paths=paths
@@ -333,13 +375,12 @@ def follow_run(
     with Journal(store) as journal:
         begun = journal.known(run)
         journal.require_whole(run, unchained=True)
+        with reading_past(store, run):
+            require_beginning(begun.document)
         pace = float(begun.document["factor"]) if factor is None else factor
         last = journal.last(run, RecordKind.PLAN.value)
         lines = journal.lines(run, last - 1) if pace and last else ()
-        return pace, [
-            JournalRecord(line.number, line.at_ms, RecordKind(line.kind), line.content)
-            for line in lines
-        ]
+        return pace, list(read_records(store, run, lines))
 
 
 def _read_problem(target: str, goals: str, command: str) -> Problem:
@@ -381,36 +422,60 @@ def run_document(request: RunRequest, problem: Problem) -> dict[str, object]:
     }
 
 
-def name_run(request: RunRequest, problem: Problem) -> RunRequest:
-    """The same under the name of a new run: as asked for, or the problem's with the next number.
+def _resume_order() -> dict[str, Any]:
+    """Who has taken a run up again, as the journal has it."""
+    when = datetime.now(UTC).isoformat(timespec="milliseconds")
+    entry = {"order": TAKEN_UP_AGAIN, "given": "", "origin": "terminal"}
+    return {**entry, "who": account_name(), "when": when}
 
-    A simulated cell gets a log beside the journal, so that the run can be resumed. Raises
-    `InvalidInput` for a name that is taken, and for faults that no plan can have: before any time
-    goes into a plan.
+
+def name_run(request: RunRequest, problem: Problem) -> RunRequest:
+    """The same under the name of a new run, and with its lease: as asked for, or the problem's with
+    the next number.
+
+    A simulated cell gets a log beside the journal, so that the run can be resumed. A run whose
+    process ended before it wrote anything gives its name back. Raises `InvalidInput` for a name
+    that is taken, and for faults that no plan can have: before any time goes into a plan.
     """
     refuse_unknown(request.options.get("fault", ""), fault_base(problem))
     with Journal(request.store) as journal:
-        begun = datetime.now(UTC).isoformat(timespec="seconds")
         for run in (
             [request.run] if request.run else (f"{problem.name}-{n}" for n in itertools.count(1))
         ):
             named_request = replace(request, run=run, options=_with_log(request, run))
-            document = {**run_document(named_request, problem), "account": account_name()}
-            if journal.begin(run, begun, document):
-                return named_request
+            lease = _begun_lease(journal, named_request, problem)
+            if lease is not None:
+                return replace(named_request, lease=lease)
     hint = f"give another name with --name, or go on with it: cellwright resume {request.run}"
     raise InvalidInput(
         [Diagnostic(Source("--name"), "K421", f"there is a run {request.run} already", hint)]
     )
 
 
-def account_name() -> str:
-    """The account that this process works for, and its machine."""
+def _begun_lease(journal: Journal, request: RunRequest, problem: Problem) -> RunLease | None:
+    """The lease of a run that has got its journal; None if there is a run of this name."""
+    run = request.run
+    if journal.last(run):
+        return None
+    is_listed = journal.run(run) is not None
     try:
-        name = getpass.getuser()
-    except (KeyError, OSError):  # an account without a name
-        name = str(os.getuid())
-    return f"{name}@{platform.node()}"
+        lease = taken_lease(request.store, run, waits=is_listed)
+    except InvalidInput as error:
+        if error.diagnostics[0].code == "K421":
+            return None
+        raise
+    try:
+        if is_listed:
+            journal.withdraw(run, lease.fence)
+        begun = datetime.now(UTC).isoformat(timespec="seconds")
+        document = {**run_document(request, problem), "account": account_name()}
+        if journal.begin(run, begun, document):
+            return lease
+    except BaseException:
+        lease.close()
+        raise
+    lease.close()
+    return None
 
 
 @contextmanager
@@ -419,11 +484,13 @@ def list_run(request: RunRequest, problem: Problem) -> Iterator[RunRequest]:
     not listed afterwards.
     """
     named_request = name_run(request, problem)
+    assert named_request.lease is not None
     try:
-        yield named_request
+        with named_request.lease:
+            yield named_request
     finally:
         with suppress(InvalidInput), Journal(named_request.store) as journal:
-            journal.withdraw(named_request.run)
+            journal.withdraw(named_request.run, named_request.lease.fence)
 
 
 def _clear_log(request: RunRequest, ending: Finish) -> Finish:

@@ -35,6 +35,7 @@ class SentMessage:
     commands: tuple[DriverCommand, ...] = ()
     halted: bool = False
     hand: HandChange | None = None
+    fence: int = 0
 
 
 @dataclass
@@ -45,6 +46,7 @@ class SimulatorLog:
     """
 
     file: str
+    fence: int = field(default=0, init=False)  # the greatest fencing number that it knows
     _out: TextIO | None = field(default=None, init=False)
     _repeats: bool = field(default=False, init=False)
 
@@ -60,7 +62,7 @@ class SimulatorLog:
                     sent = _read_sent(entry)
                 except (KeyError, TypeError, ValueError, AttributeError) as error:
                     raise _log_error(self.file, line, repr(error)) from None
-                latest = max(latest, sent.at_ms)
+                latest, self.fence = max(latest, sent.at_ms), max(self.fence, sent.fence)
                 if sent.commands or sent.halted or sent.hand:
                     yield sent
             yield SentMessage(latest)
@@ -77,6 +79,11 @@ class SimulatorLog:
         self._write(
             {"at_ms": at_ms, "ended": command.number, "action": command.action, "reply": reply}
         )
+
+    def fenced(self, at_ms: int, fence: int) -> None:
+        """Somebody with a greater fencing number drives the cell."""
+        self.fence = fence
+        self._write({"at_ms": at_ms, "fence": fence})
 
     def halted(self, at_ms: int) -> None:
         """Everything was halted."""
@@ -121,12 +128,12 @@ def _log_error(file: str, line: int, said: str) -> InvalidInput:
 
 def _read_sent(entry: dict[str, Any]) -> SentMessage:
     """What an entry says; nothing was sent where a command ended."""
-    at_ms = entry["at_ms"]
-    if not isinstance(at_ms, int):
-        raise TypeError(f"at_ms is {at_ms!r}")
+    at_ms, fence = entry["at_ms"], entry.get("fence", 0)
+    if not isinstance(at_ms, int) or not isinstance(fence, int):
+        raise TypeError(f"at_ms is {at_ms!r}, fence is {fence!r}")
     hand = _read_hand_change(*entry["hand"]) if "hand" in entry else None
     return SentMessage(
-        at_ms, tuple(map(_read_command, entry.get("sent", ()))), "halted" in entry, hand
+        at_ms, tuple(map(_read_command, entry.get("sent", ()))), "halted" in entry, hand, fence
     )
 
 

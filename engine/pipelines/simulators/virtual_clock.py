@@ -121,6 +121,16 @@ class Simulator:
         """None at full speed, else a tenth of a real second."""
         return max(1, round(TICK_S * 1000 / self.settings.factor)) if self.settings.factor else None
 
+    @property
+    def fence(self) -> int:
+        """The greatest fencing number of those who drive this cell."""
+        return self._log.fence
+
+    def heed_fence(self, fence: int) -> None:
+        """Somebody drives this cell under a fencing number, which the log keeps."""
+        if fence > self._log.fence:
+            self._log.fenced(self._now, fence)
+
     def now_ms(self) -> int:
         """The virtual time."""
         return self._now

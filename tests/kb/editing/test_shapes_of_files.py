@@ -17,7 +17,7 @@ UNNAMED = {"repeats",
     "parameters", "parents", "patch", "plate", "point_set", "polyhedron", "probes", "processes",
     "quantity", "range", "ranging", "readings", "relevance", "reply", "restrictions", "ring", "risk",
     "rpy", "say", "settings", "shapes", "sight", "slides", "slip", "smoothing", "solid", "speed",
-    "sphere", "srdf", "starts", "stop", "stops", "swings", "takes", "tells", "tilts", "tools", "tube",
+    "sphere", "srdf", "starts", "stop", "stops", "swings", "takes", "timeouts", "tells", "tilts", "tools", "tube",
     "turn", "turns", "undesirable", "unit", "units", "urdf",
 }  # fmt: skip
 """Keys whose values name nothing that a domain declares, or name it in a form of their own."""

@@ -20,7 +20,7 @@ from cellwright.kb.store.journal_chain import (
     next_link,
     seal_of,
 )
-from cellwright.kb.store.table_schema import CURRENT_SCHEMA
+from cellwright.kb.store.table_schema import FIRST_CHAINED_SCHEMA
 
 FIRST = first_link("r", "2026-11-29", "{}")
 
@@ -137,7 +137,7 @@ def test_a_journal_of_an_older_version_is_taken_where_that_is_asked_for(tmp_path
         target,
         "ALTER TABLE journal DROP COLUMN link",
         "DROP TABLE journal_heads",
-        f"UPDATE cellwright_schema SET version = {CURRENT_SCHEMA - 1}",
+        f"UPDATE cellwright_schema SET version = {FIRST_CHAINED_SCHEMA - 1}",
     )
     assert check_library(target)[0] == []
     assert "has no digests" in refused(target)

@@ -59,6 +59,7 @@ def film_of_run(
     """The film of a run, from its journal. Raises `InvalidInput` if there is no such run."""
     with kb_store.Journal(store) as journal:
         about: Any = journal.known(run).document
+        journal.require_whole(run, unchained=True)
         problem: Problem = planning.problem_of(
             str(about["target"]), str(about["goals"]), str(about["command"])
         )

@@ -39,7 +39,8 @@ def check(store: Library, format: Format = AnswerForm.TEXT) -> None:
 
 @app.command()
 def verify(store: Library, format: Format = AnswerForm.TEXT) -> None:
-    """Prove that no journal was changed since it was written, and tell who began which run.
+    """Prove that no journal was changed since it was written, and tell who began which run, and
+    who gave which order.
 
     With CELLWRIGHT_KEY, each must have been sealed with that key.
     """
@@ -108,6 +109,7 @@ def _verify_store(store: str) -> VerbAnswer:
             "chained": journal.proof.chained,
             "sealed": journal.proof.sealed,
             "findings": list(journal.proof.findings),
+            "orders": [order._asdict() for order in journal.orders],
         }
         for journal in verified
     ]
@@ -126,7 +128,22 @@ def _journal_proofs(verified: "Sequence[VerifiedJournal]") -> "RenderableType":
         )
         for journal in verified
     ]
-    return report.TextTable(("run", "begun", "by", "lines", "since then"), rows)
+    table = report.TextTable(("run", "begun", "by", "lines", "since then"), rows)
+    orders = [
+        (
+            journal.run,
+            str(order.line),
+            order.when or "?",
+            f"{order.who or '?'} ({order.origin})",
+            f"{order.order} {order.given}".strip(),
+        )
+        for journal in verified
+        for order in journal.orders
+    ]
+    if not orders:
+        return table
+    names = ("run", "line", "when", "order by", "order")
+    return rich_parts.Group(table, rich_parts.Text(), report.TextTable(names, orders))
 
 
 def _proof_text(proof: "JournalProof") -> str:

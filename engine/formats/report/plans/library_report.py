@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from cellwright.engine.formats.report import rich_parts
-from cellwright.engine.formats.report.text_tables import TextTable
+from cellwright.engine.formats.report.text_tables import TextTable, join_ranges
 from cellwright.engine.model.noun_wording import count_noun
 from cellwright.kb.model.domain_model import Domain
 from cellwright.kb.model.plan_model import Macrop, MacroStep
@@ -107,19 +107,8 @@ def folded_plan(parts: Iterable[Mapping[str, Any]]) -> RenderableType | None:
     rows = []
     for part in parts:
         number = f"{part['macrop']} " if part["macrop"] is not None else ""
-        rows.append((f"{number}{part['name']}", part["purpose"], _number_ranges(part["steps"])))
+        rows.append((f"{number}{part['name']}", part["purpose"], join_ranges(part["steps"])))
     return TextTable(("MACROP", "for", "steps"), rows) if rows else None
-
-
-def _number_ranges(numbers: Iterable[int]) -> str:
-    """`1..4, 7`."""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][-1] + 1:
-            runs[-1][1:] = [number]
-        else:
-            runs.append([number])
-    return ", ".join("..".join(map(str, run)) for run in runs)
 
 
 def library_figures(totals: "Figures", subsequences: int, inner: "Utility") -> RenderableType:

@@ -49,6 +49,8 @@ def plan_answer_content(plan_answer: PlanAnswer, stats: bool) -> dict[str, Any]:
         from cellwright.engine.formats.report.plans import itinerary_report
 
         content |= itinerary_report.itinerary_entry(run)
+    if limits := _limits(plan_answer):
+        content["timeouts_ms"] = {str(number): limit for number, limit in limits.items()}
     content |= _unmet_times(plan_answer).entry()
     if run.timetable:
         table = run.timetable
@@ -66,6 +68,16 @@ def plan_answer_content(plan_answer: PlanAnswer, stats: bool) -> dict[str, Any]:
     return {**content, **plan_motions.plan_motions_entry(plan_answer.moving)}
 
 
+def _limits(plan_answer: PlanAnswer) -> Mapping[int, int]:
+    """After how long without a reply the steps are given up, if there is a plan."""
+    plan = getattr(plan_answer.run.outcome, "plan", None)
+    if plan is None:
+        return {}
+    from cellwright.engine.formats.report.plans.reply_limits import reply_limits
+
+    return reply_limits(plan, plan_answer.problem)
+
+
 def plan_answer_text(plan_answer: PlanAnswer, stats: bool, folded: bool) -> "RenderableType":
     """The outcome as people read it; `folded`: the MACROPs in the plan stand for its steps."""
     from cellwright.engine.formats.report.plans import outcome_tables as report
@@ -78,6 +90,10 @@ def plan_answer_text(plan_answer: PlanAnswer, stats: bool, folded: bool) -> "Ren
     parts = [shown, *origin_text(plan_answer.origin)]
     if folded and plan_answer.origin.get("source", {}).get("parts"):
         parts = parts[1:]
+    if limits := _limits(plan_answer):
+        from cellwright.engine.formats.report.plans.reply_limits import reply_limits_text
+
+        parts.append(rich_parts.Text(reply_limits_text(limits)))
     if run.itinerary:
         from cellwright.engine.formats.report.plans import itinerary_report
 

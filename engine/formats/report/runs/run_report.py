@@ -8,7 +8,7 @@ from rich.text import Text
 
 from cellwright.engine.formats.report.runs.recovery_report import given_up_lines
 from cellwright.engine.model.noun_wording import count_noun
-from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
+from cellwright.engine.model.run_protocol import TAKEN_UP_AGAIN, JournalRecord, RecordKind
 from cellwright.kb.model.conditions import goal_parts
 from cellwright.kb.model.planning_problem import Problem
 
@@ -160,6 +160,9 @@ def _narrate_trouble(content: Content, now: str) -> Iterator[str]:
 
 
 def _narrate_order(content: Content, now: str) -> Iterator[str]:
+    if content["order"] == TAKEN_UP_AGAIN:
+        yield f"{now}: taken up again by {content.get('who', 'somebody')}"
+        return
     yield (
         f"{now}: order from the {content['origin']}: {content['order']} {content['given']}"
     ).rstrip()

@@ -6,7 +6,7 @@ before a simulated one.
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -25,6 +25,7 @@ from cellwright.engine.pipelines.execution.controllers.protocol import (
     MalformedLine,
     command_entry,
     hello_content,
+    newer_fence,
     read_ready,
 )
 from cellwright.engine.pipelines.execution.controllers.remote_driver import ControllerDriver
@@ -52,6 +53,7 @@ def check_conformance(setup: DriverSetup, commands: Sequence[DriverCommand]) -> 
     Raises `InvalidInput` for options that name none.
     """
     place, patience = place_of(setup.options), patience_of(setup.options)
+    setup = setup if setup.fence else replace(setup, fence=int(time.time()))
     return list(_protocol_points(place, patience, setup, commands[:CONFORMANCE_STEPS]))
 
 
@@ -67,10 +69,10 @@ def _protocol_points(
     )
     yield _check_point(
         "answers each question, and survives garbage",
-        lambda: _answers_questions(place, patience, setup.run),
+        lambda: _answers_questions(place, patience, setup.run, setup.fence),
     )
     try:
-        driver = ControllerDriver(place, patience, setup.run)
+        driver = ControllerDriver(place, patience, setup.run, setup.fence)
     except InvalidInput as error:
         yield CheckedPoint("greets the driver", error.diagnostics[0].message)
         return
@@ -88,7 +90,11 @@ def _protocol_points(
     if not place.command:
         yield _check_point(
             "knows its commands after a reconnection",
-            lambda: _remembers_commands(place, patience, setup.run, commands),
+            lambda: _remembers_commands(place, patience, setup, commands),
+        )
+        yield _check_point(
+            "refuses an older fencing number",
+            lambda: _refuses_older_fence(place, patience, setup.run, setup.fence - 1),
         )
 
 
@@ -120,8 +126,23 @@ def _carried_out(
     )
 
 
-def _open_link(place: ControllerAddress, patience: Patience) -> ControllerLink:
-    link = ControllerLink(place, patience)
+def _refuses_older_fence(
+    place: ControllerAddress, patience: Patience, run: str, fence: int
+) -> None:
+    link = _open_link(place, patience, fence)
+    try:
+        for type_, content in (("hello", hello_content(run)), ("halt", {})):
+            answer = link.ask(type_, **content)
+            if answer["type"] != "refused":
+                raise ProtocolViolation(f"it obeys `{type_}` of a host with an older one")
+            if newer_fence(answer, fence) is None:
+                raise ProtocolViolation("its `refused` does not say `fence`, the newer number")
+    finally:
+        link.close()
+
+
+def _open_link(place: ControllerAddress, patience: Patience, fence: int = 0) -> ControllerLink:
+    link = ControllerLink(place, patience, fence)
     event = link.inbox.get(timeout=patience.answer_s + patience.reconnect_s + 1)
     if not isinstance(event, ControllerConnected):
         link.close()
@@ -139,8 +160,8 @@ def _refuses_nonsense(place: ControllerAddress, patience: Patience, run: str) ->
         link.close()
 
 
-def _answers_questions(place: ControllerAddress, patience: Patience, run: str) -> None:
-    link = _open_link(place, patience)
+def _answers_questions(place: ControllerAddress, patience: Patience, run: str, fence: int) -> None:
+    link = _open_link(place, patience, fence)
     try:
         ready = read_ready(_ask_controller(link, "hello", hello_content(run)))
         link.say(b"this is no JSON\n")
@@ -201,9 +222,12 @@ def _executes_once(driver: ControllerDriver, commands: Sequence[DriverCommand]) 
 
 
 def _remembers_commands(
-    place: ControllerAddress, patience: Patience, run: str, commands: Sequence[DriverCommand]
+    place: ControllerAddress,
+    patience: Patience,
+    setup: DriverSetup,
+    commands: Sequence[DriverCommand],
 ) -> None:
-    driver = ControllerDriver(place, patience, run)
+    driver = ControllerDriver(place, patience, setup.run, setup.fence)
     try:
         for report in driver.report([command.number for command in commands]):
             if report.fate is not Fate.ENDED:

@@ -93,8 +93,9 @@ class NoTimelyAnswer(NoAnswer):
 class ControllerLink:
     """A line to one controller."""
 
-    def __init__(self, place: ControllerAddress, patience: Patience) -> None:
+    def __init__(self, place: ControllerAddress, patience: Patience, fence: int = 0) -> None:
         self.place, self.patience = place, patience
+        self._fenced: dict[str, int] = {"fence": fence} if fence else {}  # goes with each question
         self.inbox: queue.Queue[Event] = queue.Queue()
         self._loop = asyncio.new_event_loop()
         self._writer: asyncio.StreamWriter | None = None
@@ -113,7 +114,9 @@ class ControllerLink:
         number = self._number
         answer: futures.Future[dict[str, Any]] = futures.Future()
         self._asked[number] = (type_, answer)
-        self._loop.call_soon_threadsafe(self._write, protocol_line(type_, id=number, **content))
+        self._loop.call_soon_threadsafe(
+            self._write, protocol_line(type_, id=number, **self._fenced, **content)
+        )
         try:
             return answer.result(patience)
         except futures.TimeoutError:

@@ -46,6 +46,7 @@ class ControllerReady:
     virtual: bool
     tick_ms: int | None
     lookahead: Mapping[str, int]
+    fenced: bool = False  # whether it refuses what comes with an older fencing number
 
 
 def protocol_line(type_: str, **content: Any) -> bytes:
@@ -84,8 +85,22 @@ def read_ready(content: Mapping[str, Any]) -> ControllerReady:
     ):
         raise MalformedLine("`lookahead` needs a number of commands for each stream")
     return ControllerReady(
-        str(content.get("name", "")), _whole_number(content, "now_ms", 0), virtual, tick, depths
+        str(content.get("name", "")),
+        _whole_number(content, "now_ms", 0),
+        virtual,
+        tick,
+        depths,
+        content.get("fence") is not None,
     )
+
+
+def newer_fence(answer: Mapping[str, Any], fence: int) -> int | None:
+    """The fencing number of another host for which a controller refuses a question; None if it
+    does not refuse it for that.
+    """
+    newer = answer.get("fence")
+    is_number = isinstance(newer, int) and not isinstance(newer, bool)
+    return newer if answer.get("type") == "refused" and is_number and newer > fence else None
 
 
 def read_reply(content: Mapping[str, Any], now_ms: int) -> Reply:

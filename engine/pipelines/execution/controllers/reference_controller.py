@@ -38,6 +38,7 @@ class ServedCell:
     setup: DriverSetup
     simulator: Simulator | None = None
     begun: float = 0.0
+    driver: "Conversation | None" = None  # that with the host which was greeted last
 
     def serve(self, run: str) -> Simulator:
         """The cell of a run. Raises `MalformedLine` if it serves another."""
@@ -70,6 +71,13 @@ class ServedCell:
         return self.simulator
 
 
+class OlderFence(MalformedLine):
+    """A question with a fencing number that is older than one that was heard before."""
+
+
+UNFENCED_QUESTIONS = ("ping", "bye")  # that move nothing and tell nothing
+
+
 class Conversation:
     """What one connection is answered."""
 
@@ -84,8 +92,21 @@ class Conversation:
             return [protocol_line("refused", why=str(error))]
         try:
             return self._answers(asked)
+        except OlderFence as error:
+            newer = self.cell.now().fence
+            return [protocol_line("refused", id=asked.get("id"), why=str(error), fence=newer)]
         except MalformedLine as error:
             return [protocol_line("refused", id=asked.get("id"), why=str(error))]
+
+    def ticks(self) -> list[bytes]:
+        """What has happened in real time; nothing if another host was greeted since."""
+        if self.cell.driver is not self:
+            return []
+        return [
+            protocol_line("reply", **reply_entry(message))
+            for message in self.cell.elapsed()
+            if isinstance(message, Reply)
+        ]
 
     def _answers(self, asked: Mapping[str, Any]) -> list[bytes]:
         type_ = asked["type"]
@@ -93,6 +114,8 @@ class Conversation:
             return []
         if type_ not in ANSWER_OF_QUESTION:
             raise MalformedLine(f"unknown: `{type_}`")
+        if type_ not in UNFENCED_QUESTIONS and self.cell.simulator is not None:
+            self._heed_fence(self.cell.simulator, asked)
         came, content = getattr(self, f"_{type_}")(asked)
         lines = [
             protocol_line("reply", **reply_entry(message))
@@ -101,10 +124,21 @@ class Conversation:
         ]
         return [*lines, protocol_line(ANSWER_OF_QUESTION[type_], id=asked.get("id"), **content)]
 
+    def _heed_fence(self, cell: Simulator, asked: Mapping[str, Any]) -> None:
+        """Keep the greatest fencing number. Raises `OlderFence` for one that is less, or none."""
+        fence = asked.get("fence", 0)
+        if not isinstance(fence, int) or isinstance(fence, bool):
+            raise MalformedLine("`fence` is no whole number")
+        if fence < cell.fence:
+            raise OlderFence(f"another host drives this cell, with fencing number {cell.fence}")
+        cell.heed_fence(fence)
+
     def _hello(self, asked: Mapping[str, Any]) -> tuple[list[Message], dict[str, Any]]:
         if asked.get("version") != PROTOCOL_VERSION:
             raise MalformedLine(f"this controller speaks version {PROTOCOL_VERSION}")
         cell = self.cell.serve(str(asked.get("run", "")))
+        self._heed_fence(cell, asked)
+        self.cell.driver = self
         clock: dict[str, Any] = (
             {"clock": "virtual"} if self.cell.virtual else {"clock": "real", "tick_ms": 50}
         )
@@ -114,6 +148,7 @@ class Conversation:
             "name": CONTROLLER_NAME,
             "now_ms": cell.now_ms(),
             "lookahead": {"default": depth},
+            "fence": cell.fence,
             **clock,
         }
 
@@ -154,7 +189,7 @@ async def _answer_connection(
 ) -> None:
     """Answer one connection until it ends."""
     conversation = Conversation(cell)
-    ticking = asyncio.create_task(_send_ticks(cell, writer))
+    ticking = asyncio.create_task(_send_ticks(conversation, writer))
     try:
         while text := await reader.readline():
             for answer in conversation.answers(text):
@@ -168,13 +203,12 @@ async def _answer_connection(
             writer.close()
 
 
-async def _send_ticks(cell: ServedCell, writer: asyncio.StreamWriter) -> None:
-    """Send what happens in real time."""
+async def _send_ticks(conversation: Conversation, writer: asyncio.StreamWriter) -> None:
+    """Send what happens in real time to the host that was greeted last."""
     while True:
         await asyncio.sleep(BEAT_S)
-        for message in cell.elapsed():
-            if isinstance(message, Reply):
-                writer.write(protocol_line("reply", **reply_entry(message)))
+        for line in conversation.ticks():
+            writer.write(line)
 
 
 async def _listen_at(cell: ServedCell, host: str, port: int) -> None:

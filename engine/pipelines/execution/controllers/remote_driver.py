@@ -42,6 +42,7 @@ from cellwright.engine.pipelines.execution.controllers.protocol import (
     MalformedLine,
     command_entry,
     hello_content,
+    newer_fence,
     read_ready,
     read_reply,
     read_reports,
@@ -183,9 +184,11 @@ class ControllerLost(Exception):
 class ControllerDriver:
     """A driver that hands commands on to a controller."""
 
-    def __init__(self, place: ControllerAddress, patience: Patience, run: str) -> None:
-        self._run, self._patience = run, patience
-        self.link = ControllerLink(place, patience)
+    def __init__(
+        self, place: ControllerAddress, patience: Patience, run: str, fence: int = 0
+    ) -> None:
+        self._run, self._patience, self._fence = run, patience, fence
+        self.link = ControllerLink(place, patience, fence)
         self._pending = PendingCommands(self.lookahead)
         self._lost = ""
         self._now, self._since = 0, time.monotonic()
@@ -210,6 +213,8 @@ class ControllerDriver:
 
     def _introduce(self) -> None:
         answer = self.link.ask("hello", **hello_content(self._run))
+        if self._is_fenced_off(answer):
+            raise ControllerLost(self._lost)
         if answer["type"] == "refused":
             raise MalformedLine(f"it refuses: {answer.get('why', '')}")
         self._ready = read_ready(answer)
@@ -234,6 +239,19 @@ class ControllerDriver:
     def name(self) -> str:
         """What the controller calls itself."""
         return self._ready.name
+
+    @property
+    def fenced(self) -> bool:
+        """Whether the controller refuses what comes with an older fencing number."""
+        return self._ready.fenced
+
+    def _is_fenced_off(self, answer: Mapping[str, Any]) -> bool:
+        """Whether the controller obeys a host with a newer fencing number; then it is lost."""
+        newer = newer_fence(answer, self._fence)
+        if newer is None:
+            return False
+        self._lose(f"another host drives it, with fencing number {newer}; ours is {self._fence}")
+        return True
 
     @property
     def tick_ms(self) -> int | None:
@@ -333,7 +351,8 @@ class ControllerDriver:
             if self._lost:
                 return None
             try:
-                return self.link.ask(type_, **content)
+                answer = self.link.ask(type_, **content)
+                return None if self._is_fenced_off(answer) else answer
             except NoAnswer as error:
                 why = str(error)
                 self._come_back(error)
@@ -354,6 +373,8 @@ class ControllerDriver:
                 continue
             try:
                 return self._take_up()
+            except ControllerLost:
+                return None
             except NoAnswer as again:
                 self._hang_up_on(again)
         return None
@@ -367,6 +388,8 @@ class ControllerDriver:
         """Take up what is open after the connection was made again."""
         try:
             self._take_up()
+        except ControllerLost:
+            return
         except NoAnswer as error:
             self._come_back(error)
 
@@ -429,4 +452,5 @@ def _controller_time(answer: Mapping[str, Any]) -> int:
 
 def external_controller(setup: DriverSetup) -> ControllerDriver:
     """The driver for the controller that the options name. Raises `InvalidInput`."""
-    return ControllerDriver(place_of(setup.options), patience_of(setup.options), setup.run)
+    place, patience = place_of(setup.options), patience_of(setup.options)
+    return ControllerDriver(place, patience, setup.run, setup.fence)

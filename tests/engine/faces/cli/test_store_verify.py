@@ -64,6 +64,26 @@ def test_a_key_of_the_site_is_asked_of_every_journal(
     }
 
 
+def test_who_gave_each_order_is_told(tmp_path: Path) -> None:
+    store = tmp_path / "j.db"
+    begin(store, "monday")
+    given = {"order": "skip", "given": "4", "origin": "socket", "who": "eva", "when": "2026-11-29"}
+    old = {"order": "stop", "given": "", "origin": "terminal"}
+    with Journal(str(store)) as journal:
+        lines = [JournalLine(4, 9, "order", given), JournalLine(5, 9, "order", old)]
+        journal.append("monday", lines)
+    answer = runner.invoke(app, ["store", "verify", "--store", str(store)])
+    assert answer.exit_code == 0
+    assert "eva (socket)" in answer.stdout
+    assert "skip 4" in answer.stdout
+    answer = runner.invoke(app, ["store", "verify", "--store", str(store), "--format", "json"])
+    (entry,) = json.loads(answer.stdout)["data"]["journals"]
+    assert entry["orders"] == [
+        {"line": 4, **given},
+        {"line": 5, "when": "", "who": "", **old},
+    ]
+
+
 @pytest.mark.parametrize(("content", "said"), [(None, "no such file"), (b"short", "and this one")])
 def test_a_key_that_is_none_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes | None, said: str

@@ -20,6 +20,7 @@ from cellwright.engine.pipelines.execution import (
 )
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, first_plan
+from cellwright.engine.pipelines.execution.record_shapes import read_record
 from cellwright.engine.pipelines.execution.run_journal import Recorder
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.recovery import SymbolicWorld
@@ -27,8 +28,9 @@ from cellwright.engine.pipelines.simulators import HiddenCell, Injection, Simula
 from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorSettings
 from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.json_text import parse_json
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.store.journal import Journal
+from cellwright.kb.store.journal import Journal, JournalLine
 
 BEGIN = sys.modules["cellwright.engine.pipelines.execution.run_start"]
 
@@ -40,7 +42,16 @@ class Kept:
         self.records: list[JournalRecord] = []
 
     def append(self, records: Sequence[JournalRecord]) -> None:
+        for record in records:
+            read_record(line_of(record))  # what a run writes can be read
         self.records += records
+
+
+def line_of(record: JournalRecord) -> JournalLine:
+    """A record as a database gives it back."""
+    content = parse_json(json.dumps(record.content))
+    assert isinstance(content, dict)
+    return JournalLine(record.number, record.at_ms, record.kind.value, content)
 
 
 class Killed(BaseException):

@@ -63,7 +63,7 @@ def run(
         problem, outcome = planned
         servers.append(Server(problem, manners))
         wanted = RunRequest(str(CELL), store=str(tmp_path / "runs.db"), run="tried")
-        name_run(wanted, problem)
+        wanted = name_run(wanted, problem)
         made = ControllerDriver(servers[0].place, HURRY, "tried")
         monkeypatch.setattr(sys.modules[name_run.__module__], "make_driver", lambda *_: made)
         records: list[JournalRecord] = []
@@ -244,7 +244,7 @@ def test_the_reference_controller_conforms(problem: Problem) -> None:
     )
     server.close()
     assert [each for each in found if each.wrong] == []
-    assert len(found) == 11
+    assert len(found) == 12
 
 
 def test_conformance_names_what_a_controller_does_wrong(problem: Problem) -> None:

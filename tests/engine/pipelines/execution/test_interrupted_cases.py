@@ -53,11 +53,11 @@ def test_what_was_done_before_a_preparing_step_failed_is_believed(
 
 
 def test_a_step_outside_of_a_plan_is_sent_as_the_domain_says() -> None:
-    domain = problem_of("themse/one").domain
+    problem = problem_of("themse/one")
     sense = ground_term("sense(slippage)")
     assert isinstance(sense, Function)
     activity, pattern = activity_alone(
-        domain, Step(StepId(1), sense, (), (Function("slippage"),), 1)
+        problem, Step(StepId(1), sense, (), (Function("slippage"),), 1)
     )
     command = command_of(7, activity)
     assert (command.number, command.stream, command.expects) == (
@@ -70,17 +70,18 @@ def test_a_step_outside_of_a_plan_is_sent_as_the_domain_says() -> None:
 
 
 def test_a_step_without_a_declared_command_goes_to_its_first_resource() -> None:
-    domain = problem_of("themse/one").domain
+    problem = problem_of("themse/one")
+    domain = problem.domain
     plain = replace(
         domain, operators=tuple(replace(each, command=None) for each in domain.operators)
     )
     opening = Step(
         StepId(1), Function("open_drawer"), (), (Function("mars_gripper"), Function("drawer"))
     )
-    command = command_of(0, activity_alone(plain, opening)[0])
+    command = command_of(0, activity_alone(replace(problem, domain=plain), opening)[0])
     assert (command.stream, command.says) == ("mars_gripper", "open_drawer")
     told = Command(Function("arm"), Function("ok"))
     other = replace(
         domain, operators=tuple(replace(each, command=told) for each in domain.operators)
     )
-    assert activity_alone(other, opening)[0].expects == "ok"
+    assert activity_alone(replace(problem, domain=other), opening)[0].expects == "ok"

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cellwright.engine.faces.monitor.run_follower import journal_record
 from cellwright.engine.model.motion_values import MovedStep
 from cellwright.engine.pipelines.execution import RunRequest, TimedOrders, begin_run, name_run
 from cellwright.engine.pipelines.execution.journal_motions import (
@@ -19,6 +18,7 @@ from cellwright.engine.pipelines.execution.journal_motions import (
     tool_path,
     world_during,
 )
+from cellwright.engine.pipelines.execution.record_shapes import read_record
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry.pictures.viewer_files import (
@@ -41,7 +41,7 @@ def steps(tmp_path_factory: pytest.TempPathFactory) -> list[TakenStep]:
     wanted = name_run(RunRequest(TARGET, store=store, run="monday"), problem)
     begin_run(wanted, problem, TimedOrders())
     with Journal(store) as journal:
-        records = [journal_record(line) for line in journal.lines("monday", 0)]
+        records = [read_record(line) for line in journal.lines("monday", 0)]
     retracing = Retracing.of(problem, cell_of(TARGET), geometry_backend())
     return [taken for each in records if (taken := retracing.take(each)) is not None]
 
