@@ -145,6 +145,8 @@ class OperatorCommand(StrEnum):
     """What a person or another program can tell a run while it goes on."""
 
     STOP = "stop"  # at once
+    # what moves comes to its end within a time, then everything halts: the process is to end
+    REST = "rest"
     INTERRUPT = "interrupt"  # at the end of the current goal, with an empty gripper
     CONTINUE = "continue"
     SKIP = "skip"  # at a pause: take a step for done; a person has done it

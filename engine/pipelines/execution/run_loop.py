@@ -19,6 +19,7 @@ from cellwright.engine.model.run_protocol import (
     TroubleKind,
     Underway,
 )
+from cellwright.engine.pipelines.execution.coming_to_rest import TOLD_TO_END, halt_cell
 from cellwright.engine.pipelines.execution.obstacles_met import not_begun, take_in
 from cellwright.engine.pipelines.execution.operator_orders import GivenOrder
 from cellwright.engine.pipelines.execution.run_progress import Checkpoint, LoopTurn, RunProgress
@@ -121,6 +122,7 @@ class RunLoop(RunProgress):
                 command=message.number,
             )
             if message.kind is TroubleKind.LOST:
+                self.is_lost = True
                 self.turn = LoopTurn(RunPhase.STOPPED, why=f"{CONTROLLER_LOST}: {message.text}")
             return
         self.recorder.note(
@@ -142,7 +144,10 @@ class RunLoop(RunProgress):
             self.recorder.note(RecordKind.ORDER, **given.content())
         self.heed(given.order)
         event = EVENT_OF_ORDER.get(given.order)
-        if event is not None:
+        if given.order is OperatorCommand.REST:
+            self.ending = rest_reason(given)
+            self.turn = LoopTurn(RunPhase.STOPPED, why=self.ending)
+        elif event is not None:
             if (
                 self.standing.phase is not RunPhase.READY
                 or given.order is not OperatorCommand.INTERRUPT
@@ -228,13 +233,16 @@ class RunLoop(RunProgress):
             case executive.Handle(failures):
                 self.turn = LoopTurn(RunPhase.HANDLING, failures)
             case executive.Halt():
-                self.driver.halt()
+                halt_cell(self)
                 self.turn = LoopTurn(RunPhase.STOPPED, why="stopped by order")
             case executive.Paused():
                 self.interrupts = False
                 self.recorder.note(
                     RecordKind.PHASE, phase=RunPhase.PAUSED.value, why="the current goal is done"
                 )
+                self.flush()
+                for message in self.quieten_driver(QUIET_MS):
+                    self.hear(message)
             case executive.Completed():
                 self.turn = LoopTurn(RunPhase.FINISHED)
             case _:
@@ -246,7 +254,14 @@ class RunLoop(RunProgress):
             RecordKind.PHASE, phase=RunPhase.QUIESCING.value, why="a step has failed"
         )
         self.flush()
-        came = self.driver.quiesce(QUIET_MS)
+        for message in self.quieten_driver(QUIET_MS):
+            self.hear(message)
+
+    def quieten_driver(self, within_ms: int) -> list[Message]:
+        """Have the driver drop what is queued and bring motions to their end; what came
+        meanwhile. What has not begun can be given again.
+        """
+        came = self.driver.quiesce(within_ms)
         reports = self.driver.report(sorted(self.standing.running))
         dropped = [
             report.number for report in reports if report.fate.value in ("dropped", "unknown")
@@ -254,8 +269,7 @@ class RunLoop(RunProgress):
         if dropped:
             not_begun(self, dropped)
             self.take(executive.Withdrawn(tuple(dropped)))
-        for message in came:
-            self.hear(message)
+        return list(came)
 
     def flush(self) -> None:
         """Write what was noted, then send what was posted.
@@ -267,7 +281,8 @@ class RunLoop(RunProgress):
         self.recorder.commit()
         if self.outbox:
             commands, self.outbox = self.outbox, []
-            self.driver.send(commands)
+            if self.turn is None or self.turn.phase is not RunPhase.STOPPED:
+                self.driver.send(commands)
         if self.look is not None:
             self.look(self.state())
 
@@ -325,6 +340,11 @@ EVENT_OF_ORDER: Mapping[OperatorCommand, executive.Event] = {
 }
 
 
+def rest_reason(given: GivenOrder) -> str:
+    """Why a run ends that is told to come to rest."""
+    return f"{TOLD_TO_END} ({given.text or given.origin})"
+
+
 def is_approved(course: RunLoop) -> bool:
     """Whether a person lets the run begin; False if the run is stopped, or if nobody can ever
     say so.
@@ -337,6 +357,7 @@ def is_approved(course: RunLoop) -> bool:
             if given_order.order in (
                 OperatorCommand.APPROVE,
                 OperatorCommand.STOP,
+                OperatorCommand.REST,
                 OperatorCommand.ABORT,
             ):
                 return given_order.order is OperatorCommand.APPROVE

@@ -6,11 +6,12 @@ what came from a queue.
 
 import asyncio
 import contextlib
+import itertools
 import queue
 import shlex
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent import futures
 from dataclasses import dataclass
 from typing import Any
@@ -100,43 +101,52 @@ class ControllerLink:
         self._writer: asyncio.StreamWriter | None = None
         self._process: asyncio.subprocess.Process | None = None
         self._asked: dict[int, tuple[str, futures.Future[dict[str, Any]]]] = {}
-        self._number = 0
+        self._numbers = itertools.count(1)
         self._closing = False
         self._spoke = False  # whether the controller has ever said anything
         self._thread = threading.Thread(target=self._live, daemon=True)
         self._thread.start()
 
-    def ask(self, type_: str, **content: Any) -> dict[str, Any]:
-        """Ask the controller, and wait for its answer. Raises `NoAnswer`."""
-        patience = self.patience.answer_s if self._spoke else self.patience.begin_s
-        self._number += 1
-        number = self._number
+    def ask(self, type_: str, more_s: float = 0.0, **content: Any) -> dict[str, Any]:
+        """Ask the controller, and wait for its answer, for `more_s` longer than usual. Raises
+        `NoAnswer`.
+        """
+        patience = (self.patience.answer_s if self._spoke else self.patience.begin_s) + more_s
+        number = next(self._numbers)
         answer: futures.Future[dict[str, Any]] = futures.Future()
         self._asked[number] = (type_, answer)
-        self._loop.call_soon_threadsafe(self._write, protocol_line(type_, id=number, **content))
         try:
+            self._call(self._write, protocol_line(type_, id=number, **content))
             return answer.result(patience)
         except futures.TimeoutError:
             raise NoTimelyAnswer(f"no answer to `{type_}` within {patience:g} s") from None
         finally:
             self._asked.pop(number, None)
 
+    def _call(self, function: Callable[..., None], *arguments: Any) -> None:
+        """Call a function in the thread of the link. Raises `NoAnswer` if that has ended."""
+        try:
+            self._loop.call_soon_threadsafe(function, *arguments)
+        except RuntimeError:  # the loop is closed
+            raise NoAnswer("the connection is closed") from None
+
     def say(self, text: bytes) -> None:
-        """Send a line that asks nothing."""
-        self._loop.call_soon_threadsafe(self._write, text)
+        """Send a line that asks nothing. Raises `NoAnswer`."""
+        self._call(self._write, text)
 
     def broken_off(self) -> None:
         """Give this connection up, so that another one is made."""
-        self._loop.call_soon_threadsafe(self._hang_up)
+        with contextlib.suppress(NoAnswer):
+            self._call(self._hang_up)
 
     def close(self) -> None:
         """Say goodbye. A controller that listens lives on; one that was started here is left to
         end by itself.
         """
         self._closing = True
-        with contextlib.suppress(RuntimeError):
-            self._loop.call_soon_threadsafe(self._write, protocol_line("bye"))
-            self._loop.call_soon_threadsafe(self._hang_up)
+        with contextlib.suppress(NoAnswer):
+            self._call(self._write, protocol_line("bye"))
+            self._call(self._hang_up)
         self._thread.join(self.patience.answer_s)
 
     def _write(self, text: bytes) -> None:
@@ -195,7 +205,12 @@ class ControllerLink:
         pipe = asyncio.subprocess.PIPE
         words = shlex.split(self.place.command)
         self._process = await asyncio.create_subprocess_exec(
-            *words, stdin=pipe, stdout=pipe, limit=MAX_LINE_BYTES
+            *words,
+            stdin=pipe,
+            stdout=pipe,
+            limit=MAX_LINE_BYTES,
+            # Ctrl-C and a hang-up go to all processes of a terminal; this one is to be told by us
+            start_new_session=True,
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None

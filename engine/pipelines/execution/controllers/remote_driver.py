@@ -8,6 +8,7 @@ that were missed are given late.
 import queue
 import time
 from collections.abc import Callable, Mapping, MutableSet, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -323,8 +324,8 @@ class ControllerDriver:
             self._lost = why or "the connection is closed"
             self._trouble(TroubleKind.LOST, self._lost)
 
-    def _ask(self, type_: str, **content: Any) -> dict[str, Any] | None:
-        """Ask the controller, over a connection made again if need be.
+    def _ask(self, type_: str, more_s: float = 0.0, **content: Any) -> dict[str, Any] | None:
+        """Ask the controller, over a connection made again if need be, for `more_s` longer.
 
         None, and the loss is told, if that fails, too.
         """
@@ -333,7 +334,7 @@ class ControllerDriver:
             if self._lost:
                 return None
             try:
-                return self.link.ask(type_, **content)
+                return self.link.ask(type_, more_s, **content)
             except NoAnswer as error:
                 why = str(error)
                 self._come_back(error)
@@ -394,13 +395,19 @@ class ControllerDriver:
 
     def quiesce(self, within_ms: int) -> Sequence[Message]:
         """Have the controller drop what is queued and bring what moves to its end."""
-        self._ask("quiesce", within_ms=within_ms)
+        self._ask("quiesce", within_ms / 1000, within_ms=within_ms)
         self._take_in()
         return self._pending.given()
 
     def halt(self) -> None:
         """Stop everything."""
         self._ask("halt")
+
+    def stop_from_outside(self) -> None:
+        """Stop everything, from another thread than the one that drives."""
+        with suppress(NoAnswer):
+            self.link.ask("quiesce", within_ms=0)
+        self.link.ask("halt")
 
     def report(self, numbers: Sequence[int]) -> Sequence[Report]:
         """What became of commands; unknown, if the controller is lost."""
