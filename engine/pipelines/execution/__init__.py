@@ -10,8 +10,8 @@ from cellwright.kb.doorways import open_doorway
 
 if TYPE_CHECKING:
     from cellwright.engine.model.run_protocol import Finish as Finish
-    from cellwright.engine.pipelines.execution.coming_to_rest import REST_MS as REST_MS
-    from cellwright.engine.pipelines.execution.coming_to_rest import (
+    from cellwright.engine.pipelines.execution.cell_rest import REST_MS as REST_MS
+    from cellwright.engine.pipelines.execution.cell_rest import (
         halt_open_drivers as halt_open_drivers,
     )
     from cellwright.engine.pipelines.execution.controllers.conformance import (
@@ -57,7 +57,7 @@ else:
                 "ReadyPlan",
                 "first_plan",
             ),
-            ".coming_to_rest": (
+            ".cell_rest": (
                 "REST_MS",
                 "halt_open_drivers",
             ),

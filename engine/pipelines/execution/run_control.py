@@ -5,13 +5,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.model.run_protocol import Finish, OperatorCommand, RecordKind, RunPhase
+from cellwright.engine.pipelines.execution.cell_rest import TOLD_TO_END, CellRest
 from cellwright.engine.pipelines.execution.checkpoints import remaining_pages, state_of
-from cellwright.engine.pipelines.execution.coming_to_rest import (
-    TOLD_TO_END,
-    CellRest,
-    come_to_rest,
-    halt_cell,
-)
+from cellwright.engine.pipelines.execution.coming_to_rest import come_to_rest
 from cellwright.engine.pipelines.execution.compiled_program import (
     CompiledProgram,
     full_hands,
@@ -330,7 +326,7 @@ class RunExecution:
         An order that cannot be followed is told, and nothing changes.
         """
         if given.order is OperatorCommand.ABORT:
-            halt_cell(course)
+            course.halt()
             return self._end(course, handler.scope, ABORTED, "aborted by order")
         try:
             scope, joined_program = change_run(course, handler.scope, given, self.limits)

@@ -19,7 +19,7 @@ from cellwright.engine.model.run_protocol import (
     TroubleKind,
     Underway,
 )
-from cellwright.engine.pipelines.execution.coming_to_rest import TOLD_TO_END, halt_cell
+from cellwright.engine.pipelines.execution.cell_rest import TOLD_TO_END
 from cellwright.engine.pipelines.execution.obstacles_met import not_begun, take_in
 from cellwright.engine.pipelines.execution.operator_orders import GivenOrder
 from cellwright.engine.pipelines.execution.run_progress import Checkpoint, LoopTurn, RunProgress
@@ -233,7 +233,7 @@ class RunLoop(RunProgress):
             case executive.Handle(failures):
                 self.turn = LoopTurn(RunPhase.HANDLING, failures)
             case executive.Halt():
-                halt_cell(self)
+                self.halt()
                 self.turn = LoopTurn(RunPhase.STOPPED, why="stopped by order")
             case executive.Paused():
                 self.interrupts = False

@@ -17,7 +17,7 @@ from cellwright.engine.model.run_protocol import (
     RunState,
 )
 from cellwright.engine.model.verdicts import Spoilt
-from cellwright.engine.pipelines.execution.coming_to_rest import CellRest
+from cellwright.engine.pipelines.execution.cell_rest import CellRest
 from cellwright.engine.pipelines.execution.compiled_program import (
     GRACE_MS,
     TIMEOUT_FACTOR,
@@ -332,6 +332,11 @@ class RunProgress:
 
     def __post_init__(self) -> None:
         self.replies = Replies(self.compiled)
+
+    def halt(self) -> None:
+        """Stop everything at once."""
+        self.rest.is_told = True
+        self.driver.halt()
 
     def follow(self, compiled: CompiledProgram, standing: ExecutiveState) -> None:
         """Go on with another program."""

@@ -17,8 +17,8 @@ from cellwright.engine.model.run_protocol import PROTOCOL_VERSION, Finish, Journ
 from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.pipelines import motion as motion_room
 from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.execution.cell_rest import leaving_safely
 from cellwright.engine.pipelines.execution.checkpoints import past_of
-from cellwright.engine.pipelines.execution.coming_to_rest import leaving_safely
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.executable_plan import (
     ReadyPlan,

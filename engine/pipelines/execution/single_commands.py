@@ -15,7 +15,7 @@ from cellwright.engine.model.run_protocol import (
     Trouble,
     TroubleKind,
 )
-from cellwright.engine.pipelines.execution.coming_to_rest import REST_MS, halt_cell
+from cellwright.engine.pipelines.execution.cell_rest import REST_MS
 from cellwright.engine.pipelines.execution.obstacles_met import take_in
 from cellwright.engine.pipelines.execution.run_loop import CONTROLLER_LOST, RunLoop, rest_reason
 from cellwright.engine.pipelines.execution.run_progress import LoopTurn
@@ -149,7 +149,7 @@ def _hear_orders(course: RunLoop, command: DriverCommand) -> str | None:
     for given_order in course.orders.due(course.driver.now_ms()):
         course.recorder.note(RecordKind.ORDER, **given_order.content())
         if given_order.order in (OperatorCommand.STOP, OperatorCommand.ABORT):
-            halt_cell(course)
+            course.halt()
             raise RunEnded(LoopTurn(RunPhase.STOPPED, why="stopped by order"))
         if given_order.order is OperatorCommand.REST:
             course.ending = course.ending or rest_reason(given_order)

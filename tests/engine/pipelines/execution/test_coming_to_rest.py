@@ -18,7 +18,7 @@ from cellwright.engine.model.run_protocol import (
     Report,
 )
 from cellwright.engine.pipelines.execution import GivenOrder, RunExecution, TimedOrders
-from cellwright.engine.pipelines.execution.coming_to_rest import leaving_safely
+from cellwright.engine.pipelines.execution.cell_rest import leaving_safely
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.run_journal import Recorder
 from cellwright.engine.pipelines.execution.run_loop import RunLoop
