@@ -234,8 +234,8 @@ def _drain(attempt: Attempt) -> None:
 def try_way(problem: Problem, target: str, way: str, number: int, seed: int) -> tuple[str, str]:
     """How a run ended that was ended in a way at a random moment, and what is wrong."""
     chance = random.Random(f"{seed} {way} {number}")
-    factor = 0.0 if number % 2 else 0.0005
-    lasts_s = 0.6 if number % 2 else 2.5
+    factor = 0.0 if number % 2 else 0.002
+    lasts_s = 0.3 if number % 2 else 2.4
     with tempfile.TemporaryDirectory(prefix="ends") as name:
         attempt = Attempt(chance, ListeningCell(problem, factor), Path(name))
         _start(attempt, target, way)

@@ -13,6 +13,8 @@ from typing import Any
 BODIES_SEEN = "seen"
 # the reply of an arm that something has stopped: it is where it was before the step
 OBSTRUCTED_REPLIES = "obstructed"
+# what a command has for a reply that began, and of which nobody knows how it ended
+UNSURE_REPLY = "outcome_unknown"
 # what a step has for a reply that is not sent, because no motion is found for it any more
 NO_MOTION = "no_motion"
 PROTOCOL_VERSION = 1  # of commands, replies and records; whoever reads a greater number refuses it
@@ -88,6 +90,7 @@ class TroubleKind(StrEnum):
     REPEATED = "repeated"  # a second reply to a command; the first one counts
     STRANGE = "strange"  # a reply to a command that was never sent
     LATE = "late"  # a reply after the command was given up
+    CLOCK = "clock"  # times that go back, jump, or stand still
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +120,7 @@ class Fate(StrEnum):
     RUNNING = "running"  # it is being carried out; its reply will come
     ENDED = "ended"  # it has ended; its reply is given again
     DROPPED = "dropped"  # it was taken back before it began
+    UNSURE = "unsure"  # it began, and nobody knows whether or how it ended
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +130,14 @@ class Report:
     number: int
     fate: Fate
     reply: Reply | None = None
+
+    def answer(self, now_ms: int) -> Reply | None:
+        """The reply to the command; None if it can still come, or if the command can be given
+        again.
+        """
+        if self.fate is Fate.UNSURE:
+            return Reply(self.number, UNSURE_REPLY, now_ms)
+        return self.reply if self.fate is Fate.ENDED else None
 
 
 class RunPhase(StrEnum):

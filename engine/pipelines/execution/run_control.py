@@ -52,6 +52,7 @@ from cellwright.engine.pipelines.execution.run_resumption import (
 )
 from cellwright.engine.pipelines.execution.single_commands import RunEnded
 from cellwright.engine.pipelines.inspection.nominal_values import MeasurementJudge
+from cellwright.engine.pipelines.planning.plan_gate import InternalError
 from cellwright.engine.pipelines.recovery import KeptHistory, SymbolicWorld
 from cellwright.engine.pipelines.recovery.remaining_problem import left_over
 from cellwright.engine.ports import Driver
@@ -354,7 +355,11 @@ class RunExecution:
         """Follow a better plan for what is left, if there is one: one that keeps what this one
         would break, or is sooner done.
         """
-        better = review_plan(course, handler.scope, self.limits)
+        try:
+            better = review_plan(course, handler.scope, self.limits)
+        except InternalError as error:
+            self._stays(course, error)
+            return
         if better is not None:
             self.recorder.note(
                 RecordKind.DECISION,
@@ -367,7 +372,11 @@ class RunExecution:
 
     def _chosen(self, course: RunLoop, handler: ExceptionHandler) -> None:
         """Let equal things exchange their roles, if all is sooner done so."""
-        choice = choose_exchange(course, handler.scope)
+        try:
+            choice = choose_exchange(course, handler.scope)
+        except InternalError as error:
+            self._stays(course, error)
+            return
         if choice is not None:
             waited = course.waited
             self.recorder.note(
@@ -379,6 +388,16 @@ class RunExecution:
                 course, handler.scope, choice.joined.ready, "choice", choice.joined.standing
             )
             course.waited = waited
+
+    def _stays(self, course: RunLoop, error: InternalError) -> None:
+        """Go on with the plan as it is: what is under way fits no other plan, because the cell has
+        not done what its replies say, or we have a bug. Nothing was asked of the new plan yet.
+        """
+        course.looked = course.standing.done, frozenset(course.standing.running)
+        course.calm *= 2
+        self.recorder.note(
+            RecordKind.DECISION, what="the plan stays as it is", why=str(error)[:MAX_WHY_CHARACTERS]
+        )
 
     def _finished(self, course: RunLoop, handler: ExceptionHandler) -> Finish | None:
         """The end of the last plan: whether all original goals hold is looked up in the world,

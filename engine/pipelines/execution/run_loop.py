@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from cellwright.engine.model.run_protocol import (
     CommandKind,
     DriverCommand,
+    Fate,
     Message,
     OperatorCommand,
     RecordKind,
@@ -264,12 +265,14 @@ class RunLoop(RunProgress):
         came = self.driver.quiesce(within_ms)
         reports = self.driver.report(sorted(self.standing.running))
         dropped = [
-            report.number for report in reports if report.fate.value in ("dropped", "unknown")
+            report.number for report in reports if report.fate in (Fate.DROPPED, Fate.UNKNOWN)
         ]
         if dropped:
             not_begun(self, dropped)
             self.take(executive.Withdrawn(tuple(dropped)))
-        return list(came)
+        unsure = [report for report in reports if report.fate is Fate.UNSURE]
+        answers = (report.answer(self.driver.now_ms()) for report in unsure)
+        return [*came, *(reply for reply in answers if reply is not None)]
 
     def flush(self) -> None:
         """Write what was noted, then send what was posted.

@@ -11,6 +11,7 @@ from cellwright.engine.model.run_protocol import (
     OperatorCommand,
     RecordKind,
     Reply,
+    Report,
     RunPhase,
     Trouble,
     TroubleKind,
@@ -87,7 +88,7 @@ def _known_reply(course: RunLoop, number: int) -> str | None:
     if known_reply is not None:
         course.recorder.note(RecordKind.REPLY)
         return str(known_reply.content["text"])
-    reply = course.driver.report([number])[0].reply
+    reply = course.driver.report([number])[0].answer(course.driver.now_ms())
     if reply is not None:
         course.recorder.note(
             RecordKind.REPLY, command=number, text=reply.text, data=dict(reply.data)
@@ -136,7 +137,7 @@ def _reply_when_late(course: RunLoop, command: DriverCommand) -> str:
     """What the driver says of a command that has no reply in its time: its reply, if only that
     was lost; else `timeout`.
     """
-    late = course.driver.report([command.number])[0].reply
+    late = course.driver.report([command.number])[0].answer(course.driver.now_ms())
     text, data = (TIMEOUT_REPLY, {}) if late is None else (late.text, dict(late.data))
     course.recorder.note(RecordKind.REPLY, command=command.number, text=text, data=data)
     return text
@@ -184,11 +185,10 @@ CONTROLLER_ASKED = "the controller is asked"
 REPLY_LOST, NEVER_CAME = "the reply was lost", "the command never came"
 
 
-def cleared_up(course: RunLoop, step: Function, activity: int, number: int) -> str:
+def cleared_up(course: RunLoop, step: Function, activity: int, report: Report) -> str:
     """What was wrong with a command without a reply, if the controller knows; a step that has
     ended is done then.
     """
-    report = course.driver.report([number])[0]
     if report.fate is Fate.ENDED and report.reply is not None:
         if not course.replies.is_normal(activity, report.reply.text):
             return ""
