@@ -21,11 +21,13 @@ def come_to_rest(course: RunLoop, halts: bool) -> None:
         return
     course.rest.is_told = True
     course.outbox.clear()
+    course.standing = replace(course.standing, phase=RunPhase.QUIESCING)  # nothing begins any more
     try:
         if halts:
             _wind_down(course)
         else:
-            course.driver.quiesce(0)
+            for message in course.driver.quiesce(0):
+                course.hear(message)
     finally:
         if halts:
             course.driver.halt()
@@ -34,7 +36,6 @@ def come_to_rest(course: RunLoop, halts: bool) -> None:
 def _wind_down(course: RunLoop) -> None:
     """Take in what comes until nothing moves any more, the time is over, or a stop is ordered."""
     driver = course.driver
-    course.standing = replace(course.standing, phase=RunPhase.QUIESCING)
     end, latest = driver.now_ms() + REST_MS, time.monotonic() + REST_MS / 1000 + REST_SLACK_S
     for message in course.quieten_driver(REST_MS):
         course.hear(message)
