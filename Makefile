@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 findings:
 	missed=0; for script in findings/*.sh; do echo "$$script"; bash "$$script" || missed=1; done; exit $$missed
 
-.PHONY: findings demo robust test slow laws long check golden bench faults races damage soak fuzz definition mutation site wheel clean
+.PHONY: findings demo robust test slow laws long check golden bench faults races damage soak endings fuzz definition mutation site wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -101,6 +101,11 @@ damage: $(VENV)/ready
 soak: $(VENV)/ready
 	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES) --database sqlite
 	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES) --database postgresql
+# Each way to end a run, at random moments; it goes on where it stopped. TIMES=20 SEED=2 make endings
+TIMES ?= 200
+
+endings: $(VENV)/ready
+	$(BIN)/python benchmarks/endings.py --times $(TIMES) --seed $(SEED) --kept .venv/endings-$(SEED).jsonl
 
 # Mutated inputs for every reader; it goes on where it stopped. MINUTES=60 SEED=2 make fuzz
 MINUTES ?= 10

@@ -305,6 +305,15 @@ class Driver(Protocol):
 
 
 @runtime_checkable
+class KeepsTime(Protocol):
+    """What a driver has beside whose cell may have begun to count its time anew."""
+
+    def not_before(self, at_ms: int) -> None:
+        """The clock is at least so far: the run, which goes on, has seen it there."""
+        ...
+
+
+@runtime_checkable
 class Simulated(Protocol):
     """What a driver of a simulated cell has beside: nobody reaches into such a cell, so it is
     told what a person has changed.

@@ -26,6 +26,11 @@ def is_stop_wanted() -> bool:
     return _QUESTION.get()()
 
 
+def current_question() -> Callable[[], bool]:
+    """The function that says whether to stop, for who asks something beside."""
+    return _QUESTION.get()
+
+
 def megabytes_left() -> float:
     """How much more memory may be taken."""
     return _LEFT.get()()

@@ -15,6 +15,8 @@ BODIES_SEEN = "seen"
 OBSTRUCTED_REPLIES = "obstructed"
 # what the journal has for an order to take a run up again, which no run that goes on can be given
 TAKEN_UP_AGAIN = "resume"
+# what a command has for a reply that began, and of which nobody knows how it ended
+UNSURE_REPLY = "outcome_unknown"
 # what a step has for a reply that is not sent, because no motion is found for it any more
 NO_MOTION = "no_motion"
 PROTOCOL_VERSION = 1  # of commands, replies and records; whoever reads a greater number refuses it
@@ -90,6 +92,7 @@ class TroubleKind(StrEnum):
     REPEATED = "repeated"  # a second reply to a command; the first one counts
     STRANGE = "strange"  # a reply to a command that was never sent
     LATE = "late"  # a reply after the command was given up
+    CLOCK = "clock"  # times that go back, jump, or stand still
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +122,7 @@ class Fate(StrEnum):
     RUNNING = "running"  # it is being carried out; its reply will come
     ENDED = "ended"  # it has ended; its reply is given again
     DROPPED = "dropped"  # it was taken back before it began
+    UNSURE = "unsure"  # it began, and nobody knows whether or how it ended
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +132,14 @@ class Report:
     number: int
     fate: Fate
     reply: Reply | None = None
+
+    def answer(self, now_ms: int) -> Reply | None:
+        """The reply to the command; None if it can still come, or if the command can be given
+        again.
+        """
+        if self.fate is Fate.UNSURE:
+            return Reply(self.number, UNSURE_REPLY, now_ms)
+        return self.reply if self.fate is Fate.ENDED else None
 
 
 class RunPhase(StrEnum):
@@ -147,6 +159,8 @@ class OperatorCommand(StrEnum):
     """What a person or another program can tell a run while it goes on."""
 
     STOP = "stop"  # at once
+    # what moves comes to its end within a time, then everything halts: the process is to end
+    REST = "rest"
     INTERRUPT = "interrupt"  # at the end of the current goal, with an empty gripper
     CONTINUE = "continue"
     SKIP = "skip"  # at a pause: take a step for done; a person has done it

@@ -10,6 +10,10 @@ from cellwright.kb.doorways import open_doorway
 
 if TYPE_CHECKING:
     from cellwright.engine.model.run_protocol import Finish as Finish
+    from cellwright.engine.pipelines.execution.cell_rest import REST_MS as REST_MS
+    from cellwright.engine.pipelines.execution.cell_rest import (
+        halt_open_drivers as halt_open_drivers,
+    )
     from cellwright.engine.pipelines.execution.controllers.conformance import (
         check_conformance as check_conformance,
     )
@@ -62,6 +66,10 @@ else:
             ".learned_durations": (
                 "learn_durations",
                 "with_learned_durations",
+            ),
+            ".cell_rest": (
+                "REST_MS",
+                "halt_open_drivers",
             ),
             ".operator_orders": (
                 "GivenOrder",

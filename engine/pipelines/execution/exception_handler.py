@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.model.run_protocol import RecordKind
+from cellwright.engine.model.run_protocol import UNSURE_REPLY, Fate, RecordKind
 from cellwright.engine.model.troubleshooting import Action, CaseAdvice, CaseDiagnosis, Revision
 from cellwright.engine.pipelines.execution.compiled_program import activity_alone
 from cellwright.engine.pipelines.execution.executable_plan import (
@@ -117,7 +117,10 @@ class ExceptionHandler:
             reply=reply,
         )
         if reply == REPLY_TIMEOUT and activity is not None and left is not None:
-            explanation = cleared_up(self.course, step, activity, number)
+            report = self.course.driver.report([number])[0]
+            if report.fate is Fate.UNSURE:
+                exception = exception_of(self.base, step, UNSURE_REPLY) or exception
+            explanation = cleared_up(self.course, step, activity, report)
             if explanation:
                 return self._goes_on_after_silence(
                     explanation, exception or REPLY_TIMEOUT, step, left

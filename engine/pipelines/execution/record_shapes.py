@@ -190,7 +190,7 @@ BEGINNING = {
     "command": is_text,
     "driver": is_text,
     "seed": is_time,
-    "factor": lambda value: is_number(value) and value >= 0,  # type: ignore[operator]
+    "factor": lambda value: is_number(value) and value >= 0,
     "options": map_of(is_text),
 }
 STEP = object_shape(

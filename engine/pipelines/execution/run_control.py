@@ -1,10 +1,13 @@
 """A whole run: plan, execute, handle exceptions and replan until nothing more can be done."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.model.run_protocol import Finish, OperatorCommand, RecordKind, RunPhase
+from cellwright.engine.pipelines.execution.cell_rest import TOLD_TO_END, CellRest
 from cellwright.engine.pipelines.execution.checkpoints import remaining_pages, state_of
+from cellwright.engine.pipelines.execution.coming_to_rest import come_to_rest
 from cellwright.engine.pipelines.execution.compiled_program import (
     CompiledProgram,
     full_hands,
@@ -49,19 +52,23 @@ from cellwright.engine.pipelines.execution.run_resumption import (
 )
 from cellwright.engine.pipelines.execution.single_commands import RunEnded
 from cellwright.engine.pipelines.inspection.nominal_values import MeasurementJudge
+from cellwright.engine.pipelines.planning.plan_gate import InternalError
 from cellwright.engine.pipelines.recovery import KeptHistory, SymbolicWorld
 from cellwright.engine.pipelines.recovery.remaining_problem import left_over
 from cellwright.engine.ports import Driver
 from cellwright.engine.stages.execution import ExecutiveState, standing_of
 from cellwright.engine.stages.planning import SearchLimits
+from cellwright.kb import stopping
 from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.model.plan_model import StepId
 from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.stopping import StoppedByCaller
 from cellwright.kb.store.journal import JournalFailure
 
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.execution.run_motions import RunPaths
 
+MAX_WHY_CHARACTERS = 200  # of what a journal tells of an error
 REACHED, PARTLY, STOPPED, ABORTED, PAUSED = "reached", "partly", "stopped", "aborted", "paused"
 
 
@@ -83,6 +90,7 @@ class RunExecution:
     # further commands, for checkpoints
     additions: list[dict[str, Any]] = field(default_factory=list)
     inspector: Inspector = field(default_factory=Inspector)
+    rest: CellRest = field(default_factory=CellRest)
     paths: "RunPaths | None" = None  # in a run with motion
 
     def start(
@@ -146,6 +154,7 @@ class RunExecution:
             measuring=MeasurementJudge(self.problem),
             measured=self.problem.domain.conventions.measured,
             paths=self.paths,
+            rest=self.rest,
         )
 
     def guarded(
@@ -173,11 +182,30 @@ class RunExecution:
         except RunEnded as over:
             return self._end(course, handler.scope, STOPPED, over.turn.why)
         except JournalFailure as error:
-            self.driver.halt()
-            course.outbox.clear()
+            come_to_rest(course, halts=True)
             return self._ending(
                 course, handler.scope, STOPPED, f"the journal cannot be written: {error}"
             )
+        except StoppedByCaller:
+            why = course.ending or f"{TOLD_TO_END} while a plan was made"
+            return self._end(course, handler.scope, STOPPED, why)
+        except BaseException as error:
+            self._break_off(course, handler, error)
+            raise
+
+    def _break_off(self, course: RunLoop, handler: ExceptionHandler, error: BaseException) -> None:
+        """Bring the cell to rest after an error of ours, and note that the run ended.
+
+        What was noted since the last group may be half of something, so it is left out: whoever
+        takes the run up again asks the driver.
+        """
+        self.rest.break_off(course.driver)
+        with suppress(Exception), stopping.asking_to_stop(lambda: False):
+            self.recorder.forget_unwritten()
+            why = f"an error of the program: {type(error).__name__}: {error}"[:MAX_WHY_CHARACTERS]
+            ending = self._ending(course, handler.scope, STOPPED, why)
+            self.recorder.note(RecordKind.END, **end_entry(ending))
+            self.recorder.commit()
 
     def _state(self, course: RunLoop, handler: ExceptionHandler) -> dict[str, Any]:
         """What a checkpoint holds."""
@@ -299,7 +327,7 @@ class RunExecution:
         An order that cannot be followed is told, and nothing changes.
         """
         if given.order is OperatorCommand.ABORT:
-            self.driver.halt()
+            course.halt()
             return self._end(course, handler.scope, ABORTED, "aborted by order")
         try:
             scope, joined_program = change_run(course, handler.scope, given, self.limits)
@@ -327,7 +355,11 @@ class RunExecution:
         """Follow a better plan for what is left, if there is one: one that keeps what this one
         would break, or is sooner done.
         """
-        better = review_plan(course, handler.scope, self.limits)
+        try:
+            better = review_plan(course, handler.scope, self.limits)
+        except InternalError as error:
+            self._stays(course, error)
+            return
         if better is not None:
             self.recorder.note(
                 RecordKind.DECISION,
@@ -340,7 +372,11 @@ class RunExecution:
 
     def _chosen(self, course: RunLoop, handler: ExceptionHandler) -> None:
         """Let equal things exchange their roles, if all is sooner done so."""
-        choice = choose_exchange(course, handler.scope)
+        try:
+            choice = choose_exchange(course, handler.scope)
+        except InternalError as error:
+            self._stays(course, error)
+            return
         if choice is not None:
             waited = course.waited
             self.recorder.note(
@@ -352,6 +388,16 @@ class RunExecution:
                 course, handler.scope, choice.joined.ready, "choice", choice.joined.standing
             )
             course.waited = waited
+
+    def _stays(self, course: RunLoop, error: InternalError) -> None:
+        """Go on with the plan as it is: what is under way fits no other plan, because the cell has
+        not done what its replies say, or we have a bug. Nothing was asked of the new plan yet.
+        """
+        course.looked = course.standing.done, frozenset(course.standing.running)
+        course.calm *= 2
+        self.recorder.note(
+            RecordKind.DECISION, what="the plan stays as it is", why=str(error)[:MAX_WHY_CHARACTERS]
+        )
 
     def _finished(self, course: RunLoop, handler: ExceptionHandler) -> Finish | None:
         """The end of the last plan: whether all original goals hold is looked up in the world,
@@ -371,11 +417,13 @@ class RunExecution:
         return self._end(course, handler.scope, outcome, why)
 
     def _end(self, course: RunLoop, scope: RunScope, outcome: str, why: str) -> Finish:
-        self.steps += len(course.done)
-        ending = self._ending(course, scope, outcome, why)
-        self.recorder.note(RecordKind.END, **end_entry(ending))
-        course.flush()
-        return ending
+        with stopping.asking_to_stop(lambda: False):  # what is left to do is to come to rest
+            come_to_rest(course, halts=outcome in (STOPPED, ABORTED))
+            self.steps += len(course.done)
+            ending = self._ending(course, scope, outcome, course.ending or why)
+            self.recorder.note(RecordKind.END, **end_entry(ending))
+            course.flush()
+            return ending
 
     def _ending(self, course: RunLoop, scope: RunScope, outcome: str, why: str) -> Finish:
         goals, open_ = scope.reached(self.problem, course.world.state)

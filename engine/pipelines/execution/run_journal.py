@@ -64,7 +64,23 @@ class Recorder:
             raise
         for record in group:
             for watcher in self.watchers:
-                watcher(record)
+                self._show(record, watcher)
+
+    def _show(self, record: JournalRecord, watcher: Watcher) -> None:
+        """Show a record to one who watches.
+
+        Whose terminal or file is gone sees no more; the run goes on without.
+        """
+        try:
+            watcher(record)
+        except OSError:
+            self.watchers = tuple(other for other in self.watchers if other is not watcher)
+
+    def forget_unwritten(self) -> None:
+        """Leave out what was noted and is not written."""
+        self.last -= len(self.waiting)
+        self.waiting.clear()
+        self.known.clear()
 
 
 @contextmanager

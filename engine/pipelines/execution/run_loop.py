@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from cellwright.engine.model.run_protocol import (
     CommandKind,
     DriverCommand,
+    Fate,
     Message,
     OperatorCommand,
     RecordKind,
@@ -19,6 +20,7 @@ from cellwright.engine.model.run_protocol import (
     TroubleKind,
     Underway,
 )
+from cellwright.engine.pipelines.execution.cell_rest import TOLD_TO_END
 from cellwright.engine.pipelines.execution.obstacles_met import not_begun, take_in
 from cellwright.engine.pipelines.execution.operator_orders import GivenOrder
 from cellwright.engine.pipelines.execution.run_progress import Checkpoint, LoopTurn, RunProgress
@@ -123,6 +125,7 @@ class RunLoop(RunProgress):
                 command=message.number,
             )
             if message.kind is TroubleKind.LOST:
+                self.is_lost = True
                 self.turn = LoopTurn(RunPhase.STOPPED, why=f"{CONTROLLER_LOST}: {message.text}")
             return
         self.recorder.note(
@@ -144,7 +147,10 @@ class RunLoop(RunProgress):
             self.recorder.note(RecordKind.ORDER, **given.content())
         self.heed(given.order)
         event = EVENT_OF_ORDER.get(given.order)
-        if event is not None:
+        if given.order is OperatorCommand.REST:
+            self.ending = rest_reason(given)
+            self.turn = LoopTurn(RunPhase.STOPPED, why=self.ending)
+        elif event is not None:
             if (
                 self.standing.phase is not RunPhase.READY
                 or given.order is not OperatorCommand.INTERRUPT
@@ -230,13 +236,16 @@ class RunLoop(RunProgress):
             case executive.Handle(failures):
                 self.turn = LoopTurn(RunPhase.HANDLING, failures)
             case executive.Halt():
-                self.driver.halt()
+                self.halt()
                 self.turn = LoopTurn(RunPhase.STOPPED, why="stopped by order")
             case executive.Paused():
                 self.interrupts = False
                 self.recorder.note(
                     RecordKind.PHASE, phase=RunPhase.PAUSED.value, why="the current goal is done"
                 )
+                self.flush()
+                for message in self.quieten_driver(QUIET_MS):
+                    self.hear(message)
             case executive.Completed():
                 self.turn = LoopTurn(RunPhase.FINISHED)
             case _:
@@ -248,16 +257,24 @@ class RunLoop(RunProgress):
             RecordKind.PHASE, phase=RunPhase.QUIESCING.value, why="a step has failed"
         )
         self.flush()
-        came = self.driver.quiesce(QUIET_MS)
+        for message in self.quieten_driver(QUIET_MS):
+            self.hear(message)
+
+    def quieten_driver(self, within_ms: int) -> list[Message]:
+        """Have the driver drop what is queued and bring motions to their end; what came
+        meanwhile. What has not begun can be given again.
+        """
+        came = self.driver.quiesce(within_ms)
         reports = self.driver.report(sorted(self.standing.running))
         dropped = [
-            report.number for report in reports if report.fate.value in ("dropped", "unknown")
+            report.number for report in reports if report.fate in (Fate.DROPPED, Fate.UNKNOWN)
         ]
         if dropped:
             not_begun(self, dropped)
             self.take(executive.Withdrawn(tuple(dropped)))
-        for message in came:
-            self.hear(message)
+        unsure = [report for report in reports if report.fate is Fate.UNSURE]
+        answers = (report.answer(self.driver.now_ms()) for report in unsure)
+        return [*came, *(reply for reply in answers if reply is not None)]
 
     def flush(self) -> None:
         """Write what was noted, then send what was posted.
@@ -269,7 +286,8 @@ class RunLoop(RunProgress):
         self.recorder.commit()
         if self.outbox:
             commands, self.outbox = self.outbox, []
-            self.driver.send(commands)
+            if self.turn is None or self.turn.phase is not RunPhase.STOPPED:
+                self.driver.send(commands)
         if self.look is not None:
             self.look(self.state())
 
@@ -327,6 +345,11 @@ EVENT_OF_ORDER: Mapping[OperatorCommand, executive.Event] = {
 }
 
 
+def rest_reason(given: GivenOrder) -> str:
+    """Why a run ends that is told to come to rest."""
+    return f"{TOLD_TO_END} ({given.text or given.origin})"
+
+
 def is_approved(course: RunLoop) -> bool:
     """Whether a person lets the run begin; False if the run is stopped, or if nobody can ever
     say so.
@@ -339,6 +362,7 @@ def is_approved(course: RunLoop) -> bool:
             if given_order.order in (
                 OperatorCommand.APPROVE,
                 OperatorCommand.STOP,
+                OperatorCommand.REST,
                 OperatorCommand.ABORT,
             ):
                 return given_order.order is OperatorCommand.APPROVE

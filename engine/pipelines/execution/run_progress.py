@@ -16,6 +16,7 @@ from cellwright.engine.model.run_protocol import (
     RunState,
 )
 from cellwright.engine.model.verdicts import Spoilt
+from cellwright.engine.pipelines.execution.cell_rest import CellRest
 from cellwright.engine.pipelines.execution.compiled_program import (
     PERSON_STREAM,
     CompiledProgram,
@@ -331,9 +332,17 @@ class RunProgress:
         default_factory=list
     )  # to commands that are not sent, because they have no motion
     gate: PlanGate = field(default_factory=PlanGate)  # it keeps what it knows of the cell
+    rest: CellRest = field(default_factory=CellRest)
+    is_lost: bool = False  # the driver does not answer any more
+    ending: str = ""  # why the run is to come to rest, if it was told to
 
     def __post_init__(self) -> None:
         self.replies = Replies(self.compiled)
+
+    def halt(self) -> None:
+        """Stop everything at once."""
+        self.rest.is_told = True
+        self.driver.halt()
 
     def follow(self, compiled: CompiledProgram, standing: ExecutiveState) -> None:
         """Go on with another program."""

@@ -35,7 +35,7 @@ from cellwright.engine.pipelines.execution.run_loop import RunLoop
 from cellwright.engine.pipelines.execution.run_progress import WrittenPlan, head_of
 from cellwright.engine.pipelines.recovery import KeptHistory, StepAchievement, SymbolicWorld
 from cellwright.engine.pipelines.recovery.symbolic_world import achievement_of
-from cellwright.engine.ports import Driver, Simulated
+from cellwright.engine.ports import Driver, KeepsTime, Simulated
 from cellwright.engine.stages import execution as executive
 from cellwright.engine.stages.execution import ExecutiveState, Running, standing_of, unrested_after
 from cellwright.engine.stages.execution.start_forecast import Accuracy
@@ -338,6 +338,8 @@ def settle_commands(course: RunLoop, past: PastRun) -> None:
     else, so that nothing begins.
     """
     heard: list[Reply] = []
+    if isinstance(course.driver, KeepsTime) and course.driver.tick_ms is not None:
+        course.driver.not_before(past.at_ms)  # nobody waits for time that has passed once
     while course.driver.now_ms() < past.at_ms:
         came = course.driver.receive(past.at_ms)
         heard += [message for message in came if isinstance(message, Reply)]
@@ -346,11 +348,8 @@ def settle_commands(course: RunLoop, past: PastRun) -> None:
     course.standing = replace(course.standing, now_ms=course.driver.now_ms())
     numbers = sorted(past.under_way())
     reports = course.driver.report(numbers)
-    ended = {
-        report.number: report.reply
-        for report in reports
-        if report.fate is Fate.ENDED and report.reply is not None
-    }
+    answers = [report.answer(course.driver.now_ms()) for report in reports]
+    ended = {reply.number: reply for reply in answers if reply is not None}
     ended |= {reply.number: reply for reply in heard if reply.number in course.standing.running}
     _send_again(course, past, reports)
     for reply in sorted(

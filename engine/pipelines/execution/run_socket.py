@@ -87,7 +87,8 @@ class OrderChannel:
 
     def __init__(self, run: str, store: str = "") -> None:
         self.run, self.store = run, store
-        self._orders: queue.Queue[GivenOrder] = queue.Queue()
+        # its `put` may be called in a handler of signals while the same thread is in `get`
+        self._orders: queue.SimpleQueue[GivenOrder] = queue.SimpleQueue()
         self._told: Callable[[], Mapping[str, Any]] = dict
         self._order, self._noted = (
             "",

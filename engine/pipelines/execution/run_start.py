@@ -21,6 +21,7 @@ from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.model.start_rules import NO_RULES, StartRules
 from cellwright.engine.pipelines import motion as motion_room
 from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.execution.cell_rest import leaving_safely
 from cellwright.engine.pipelines.execution.checkpoints import past_of
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.executable_plan import (
@@ -49,11 +50,12 @@ from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from cellwright.engine.plugins import geometry_backend, make_driver
 from cellwright.engine.ports import DriverSetup
 from cellwright.engine.stages.planning import SearchLimits
-from cellwright.kb import loader
+from cellwright.kb import loader, stopping
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint, unknown_name
 from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.numbers import is_count
+from cellwright.kb.stopping import StoppedByCaller
 from cellwright.kb.store.journal import Journal, JournalLine, LeaseLost
 from cellwright.kb.store.run_lease import RunLease, account_name, taken_lease
 from cellwright.kb.terms import Function
@@ -235,6 +237,12 @@ class JournalLedger:
         self.lease.confirm(began)
 
 
+def stop_if_told() -> None:
+    """Raise `StoppedByCaller` if no answer is wanted any more: then no driver is greeted."""
+    if stopping.is_stop_wanted():
+        raise StoppedByCaller
+
+
 def begin_run(
     request: RunRequest,
     problem: Problem,
@@ -273,23 +281,22 @@ def begin_run(
         setup = DriverSetup(
             problem, run, request.seed, request.factor, request.options, lease.fence
         )
+        stop_if_told()
         run_driver = under_lease(make_driver(request.driver, setup), lease)
-        try:
+        with leaving_safely(run_driver) as rest:
             ledger = JournalLedger(journal, run, lease)
             recorder = Recorder(ledger, run_driver.now_ms, watchers)
             as_read = as_read or _read_problem(request.target, request.goals, request.command)
             more = added_knowledge(as_read, problem)
             recorder.note(RecordKind.RUN, **run_document(request, problem), **more)
             execution = RunExecution(
-                run, problem, run_driver, recorder, orders, base, limits, paths=paths
+                run, problem, run_driver, recorder, orders, base, limits, paths=paths, rest=rest
             )
             plan_or_outcome, scope = datums_first(plan_or_outcome, scope)
             world = SymbolicWorld.of(scope.problem, initial_situation(problem).state)
             return _clear_log(
                 request, execution.start(plan_or_outcome, world, request.approve, scope)
             )
-        finally:
-            run_driver.close()
 
 
 @contextmanager
@@ -345,8 +352,9 @@ def resume_run(
             raise InvalidInput([Diagnostic(Source(run), "K421", reason, "begin another run")])
         setup = setup_of({**about, **past.run}, problem, run)
         setup = replace(setup, fence=lease.fence, factor=setup.factor if factor is None else factor)
+        stop_if_told()
         run_driver = under_lease(make_driver(str(about["driver"]), setup), lease)
-        try:
+        with leaving_safely(run_driver) as rest:
             ledger, began_ms = JournalLedger(journal, run, lease), past.at_ms
             # times of a journal never go back, whatever a controller that was started again says
             recorder = Recorder(
@@ -355,14 +363,12 @@ def resume_run(
             recorder.note(RecordKind.ORDER, **_resume_order())
             paths = _run_paths(about, past.whole, store) if about.get("motion") else None
             execution = RunExecution(
-                run, past.whole, run_driver, recorder, orders, base, limits, paths=paths
+                run, past.whole, run_driver, recorder, orders, base, limits, paths=paths, rest=rest
             )
             ending = execution.resume(past)
             return _clear_log(
                 RunRequest("", store=store, run=run, options=about["options"]), ending
             )
-        finally:
-            run_driver.close()
 
 
 def follow_run(

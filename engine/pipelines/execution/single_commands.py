@@ -1,20 +1,24 @@
 """Single commands outside a program: tests, repairs, questions, and commands without a reply."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from cellwright.engine.model.run_protocol import (
     DriverCommand,
     Fate,
+    Message,
     OperatorCommand,
     RecordKind,
     Reply,
+    Report,
     RunPhase,
     Trouble,
     TroubleKind,
 )
+from cellwright.engine.pipelines.execution.cell_rest import REST_MS
 from cellwright.engine.pipelines.execution.obstacles_met import take_in
-from cellwright.engine.pipelines.execution.run_loop import CONTROLLER_LOST, RunLoop
+from cellwright.engine.pipelines.execution.run_loop import CONTROLLER_LOST, RunLoop, rest_reason
 from cellwright.engine.pipelines.execution.run_progress import LoopTurn
 from cellwright.engine.stages import execution as executive
 from cellwright.engine.stages.execution.transition_table import TIMEOUT_REPLY
@@ -54,6 +58,7 @@ class RunEnded(Exception):
 
 def perform_command(course: RunLoop, command: DriverCommand) -> PerformedCommand:
     """Send one command and wait for its reply. Raises `RunEnded`."""
+    _end_if_told(course)
     number = course.standing.number
     course.standing = replace(course.standing, number=number + 1)
     command = replace(command, number=number)
@@ -69,6 +74,12 @@ def perform_command(course: RunLoop, command: DriverCommand) -> PerformedCommand
     return PerformedCommand(command, _await_reply(course, command))
 
 
+def _end_if_told(course: RunLoop) -> None:
+    """Raise `RunEnded` if the run is to come to rest."""
+    if course.ending:
+        raise RunEnded(LoopTurn(RunPhase.STOPPED, why=course.ending))
+
+
 def _known_reply(course: RunLoop, number: int) -> str | None:
     """The reply to a command that was sent before the run was taken up again; None if it has
     not come yet.
@@ -77,7 +88,7 @@ def _known_reply(course: RunLoop, number: int) -> str | None:
     if known_reply is not None:
         course.recorder.note(RecordKind.REPLY)
         return str(known_reply.content["text"])
-    reply = course.driver.report([number])[0].reply
+    reply = course.driver.report([number])[0].answer(course.driver.now_ms())
     if reply is not None:
         course.recorder.note(
             RecordKind.REPLY, command=number, text=reply.text, data=dict(reply.data)
@@ -89,32 +100,47 @@ def _known_reply(course: RunLoop, number: int) -> str | None:
 def _await_reply(course: RunLoop, command: DriverCommand) -> str:
     """The reply to a command that was sent; `timeout` if none comes in time. Raises `RunEnded`."""
     due = None if command.timeout_ms is None else course.driver.now_ms() + command.timeout_ms
+    quiet, early = False, list[Message]()
     while True:
         if (answer := _hear_orders(course, command)) is not None:
             return answer
+        if course.ending and not quiet:  # the command may still come to its end
+            quiet, due = True, course.driver.now_ms() + REST_MS
+            early = list(course.driver.quiesce(REST_MS))
         times = [time for time in (due, course.orders.next_ms()) if time is not None]
-        for message in course.driver.receive(min(times, default=None)):
-            if isinstance(message, Trouble):
-                _note_trouble(course, message)
-            elif message.number == command.number:
-                data = dict(message.data)
-                course.recorder.note(
-                    RecordKind.REPLY, command=command.number, text=message.text, data=data
-                )
-                take_in(course, message)
-                return message.text
+        messages, early = early or course.driver.receive(min(times, default=None)), []
+        if (text := _reply_among(course, command, messages)) is not None:
+            return text
         if due is not None and course.driver.now_ms() >= due:
-            if (
-                late := course.driver.report([command.number])[0].reply
-            ) is not None:  # only its reply was lost
-                course.recorder.note(
-                    RecordKind.REPLY, command=late.number, text=late.text, data=dict(late.data)
-                )
-                return late.text
+            _end_if_told(course)
+            return _reply_when_late(course, command)
+
+
+def _reply_among(
+    course: RunLoop, command: DriverCommand, messages: Sequence[Message]
+) -> str | None:
+    """The reply to a command among messages, which are noted; None if it is not there."""
+    for message in messages:
+        if isinstance(message, Trouble):
+            _note_trouble(course, message)
+        elif message.number == command.number:
+            data = dict(message.data)
             course.recorder.note(
-                RecordKind.REPLY, command=command.number, text=TIMEOUT_REPLY, data={}
+                RecordKind.REPLY, command=command.number, text=message.text, data=data
             )
-            return TIMEOUT_REPLY
+            take_in(course, message)
+            return message.text
+    return None
+
+
+def _reply_when_late(course: RunLoop, command: DriverCommand) -> str:
+    """What the driver says of a command that has no reply in its time: its reply, if only that
+    was lost; else `timeout`.
+    """
+    late = course.driver.report([command.number])[0].answer(course.driver.now_ms())
+    text, data = (TIMEOUT_REPLY, {}) if late is None else (late.text, dict(late.data))
+    course.recorder.note(RecordKind.REPLY, command=command.number, text=text, data=data)
+    return text
 
 
 def _hear_orders(course: RunLoop, command: DriverCommand) -> str | None:
@@ -124,9 +150,11 @@ def _hear_orders(course: RunLoop, command: DriverCommand) -> str | None:
     for given_order in course.orders.due(course.driver.now_ms()):
         course.recorder.note(RecordKind.ORDER, **given_order.content())
         if given_order.order in (OperatorCommand.STOP, OperatorCommand.ABORT):
-            course.driver.halt()
+            course.halt()
             raise RunEnded(LoopTurn(RunPhase.STOPPED, why="stopped by order"))
-        if given_order.order in (OperatorCommand.INTERRUPT, OperatorCommand.CONTINUE):
+        if given_order.order is OperatorCommand.REST:
+            course.ending = course.ending or rest_reason(given_order)
+        elif given_order.order in (OperatorCommand.INTERRUPT, OperatorCommand.CONTINUE):
             course.heed(given_order.order)
         elif given_order.order is not OperatorCommand.ANSWER:
             course.pending.append(given_order)
@@ -148,6 +176,7 @@ def _note_trouble(course: RunLoop, trouble: Trouble) -> None:
         RecordKind.TROUBLE, trouble=trouble.kind.value, text=trouble.text, command=trouble.number
     )
     if trouble.kind is TroubleKind.LOST:
+        course.is_lost = True
         raise RunEnded(LoopTurn(RunPhase.STOPPED, why=f"{CONTROLLER_LOST}: {trouble.text}"))
 
 
@@ -156,11 +185,10 @@ CONTROLLER_ASKED = "the controller is asked"
 REPLY_LOST, NEVER_CAME = "the reply was lost", "the command never came"
 
 
-def cleared_up(course: RunLoop, step: Function, activity: int, number: int) -> str:
+def cleared_up(course: RunLoop, step: Function, activity: int, report: Report) -> str:
     """What was wrong with a command without a reply, if the controller knows; a step that has
     ended is done then.
     """
-    report = course.driver.report([number])[0]
     if report.fate is Fate.ENDED and report.reply is not None:
         if not course.replies.is_normal(activity, report.reply.text):
             return ""

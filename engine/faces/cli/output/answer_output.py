@@ -5,6 +5,7 @@ import errno
 import io
 import os
 import signal
+import stat
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -161,13 +162,22 @@ def writing_output() -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        is_hung_up = _is_hung_up(error)
         abandon_stream(sys.stdout)
-        if error.errno != errno.EPIPE:
+        if error.errno != errno.EPIPE and not is_hung_up:
             with suppress(OSError):
                 sys.stderr.write(
                     f"cannot write {error.filename or 'the answer'}: {error.strerror}\n"
                 )
             raise SystemExit(BAD_INPUT) from None
+
+
+def _is_hung_up(error: OSError) -> bool:
+    """Whether the terminal is gone: then nobody reads the answer, and the exit code tells it."""
+    try:
+        return error.errno == errno.EIO and stat.S_ISCHR(os.fstat(1).st_mode)
+    except OSError:
+        return False
 
 
 def refuse_command_line(wrong: str, command: str, code: str) -> NoReturn:

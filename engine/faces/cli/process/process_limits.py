@@ -226,6 +226,11 @@ def watching_command(seconds: float | None, megabytes: int | None) -> Iterator[N
         watch.answered, _now = True, None
 
 
+def is_own_process() -> bool:
+    """Whether this process does nothing but the command."""
+    return _alone
+
+
 def own_process() -> None:
     """Say that this process does nothing but the command, so that it may be ended."""
     global _alone

@@ -83,13 +83,13 @@ class ProgressLine:
             with self._pen:
                 if not (self._over.is_set() or self._hushed):
                     self._shown = True
-                    _write_unbuffered(f"\r{self.text(_terminal_columns())}\x1b[K")
+                    write_past_buffers(f"\r{self.text(_terminal_columns())}\x1b[K")
             self._over.wait(PACE_S)
 
     def _clear(self) -> None:
         if self._shown:
             self._shown = False
-            _write_unbuffered("\r\x1b[K")
+            write_past_buffers("\r\x1b[K")
 
 
 _line: ProgressLine | None = None
@@ -147,7 +147,7 @@ def _terminal_columns() -> int:
         return 80
 
 
-def _write_unbuffered(text: str) -> None:
+def write_past_buffers(text: str) -> None:
     """Write past all buffers: what is lost is no answer."""
     with suppress(OSError):
         os.write(2, text.encode("utf-8", "replace"))

@@ -16,11 +16,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.faces.cli.output.terminal_console import make_console, say_on_stderr
-from cellwright.engine.faces.cli.process.process_limits import current_watch
-from cellwright.engine.faces.cli.process.progress_line import hushing_progress
+from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED, STOPPED
+from cellwright.engine.faces.cli.process.process_limits import current_watch, is_own_process
+from cellwright.engine.faces.cli.process.progress_line import hushing_progress, write_past_buffers
+from cellwright.engine.faces.cli.process.service_manager import notify_service
 from cellwright.engine.formats import report
 from cellwright.engine.model.run_protocol import OperatorCommand, RecordKind
 from cellwright.engine.pipelines import execution
+from cellwright.kb import stopping
 from cellwright.kb.diagnostics import escape_controls
 
 if TYPE_CHECKING:
@@ -49,8 +52,10 @@ class RunSupervision:
         self._events, self._approve, self._run = events, approve, run
         self._state: dict[str, Any] = {"run": run, "phase": "ready", "at_ms": 0}
         self._out: Any = None
-        self._before: Any = None
-        self._presses = 0
+        self._before: dict[signal.Signals, Any] = {}
+        self._asking = ExitStack()
+        self._presses = self._requests = 0
+        self._is_ending, self._over = False, threading.Event()
         self._shown, self._factor, self._past = shown, factor, before
         self._display = ExitStack()
         self._look: list[Watcher] = []
@@ -69,7 +74,7 @@ class RunSupervision:
                 if self._events == "-"
                 else Path(self._events).open("w", encoding="utf-8")
             )
-        self._before = signal.signal(signal.SIGINT, self._pressed)
+        self._hear_signals()
         if self._shown or self._approve or self._events == "-":
             self._display.enter_context(hushing_progress())
         if watch := current_watch():
@@ -83,13 +88,57 @@ class RunSupervision:
         self.channel.give(execution.GivenOrder(OperatorCommand(order), "", "terminal"))
 
     def __exit__(self, *error: object) -> None:
-        self._display.close()
-        signal.signal(signal.SIGINT, self._before)
+        self._over.set()
+        with contextlib.suppress(OSError):  # the terminal may be gone
+            self._display.close()
+        for signal_number, before in self._before.items():
+            # only the ending is left to be told, so a late request to end is passed over
+            signal.signal(signal_number, signal.SIG_IGN if is_own_process() else before)
+        self._asking.close()
         if watch := current_watch():
             watch.waiting = False
         if self._out is not None and self._events != "-":
-            self._out.close()
+            with contextlib.suppress(OSError):
+                self._out.close()
         self.channel.__exit__(None, None, None)
+
+    def is_ending(self) -> bool:
+        """Whether the process was told to end: nothing is planned any more then."""
+        return self._is_ending
+
+    def _hear_signals(self) -> None:
+        """Hear Ctrl-C, and requests to end; not a hang-up that whoever started us has shut out."""
+        heard: dict[signal.Signals, Callable[..., None]] = {
+            signal.SIGINT: self._pressed,
+            signal.SIGTERM: self._asked_to_end,
+        }
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+            heard[signal.SIGHUP] = self._asked_to_end
+        for signal_number, handler in heard.items():
+            self._before[signal_number] = signal.signal(signal_number, handler)
+        before = stopping.current_question()
+        question = stopping.asking_to_stop(lambda: self._is_ending or before())
+        self._asking.enter_context(question)
+
+    def _asked_to_end(self, signal_number: int, _frame: object) -> None:
+        """The first request to end has motions come to their end, the second one halts at once."""
+        self._requests += 1
+        name = signal.Signals(signal_number).name
+        order = OperatorCommand.REST if self._requests == 1 else OperatorCommand.STOP
+        self.channel.give(execution.GivenOrder(order, name, "signal"))
+        self._end_in_time()
+        write_past_buffers(f"\n{name}: the run comes to rest; a second one stops at once\n")
+
+    def _end_in_time(self) -> None:
+        """Have planning end, and the process as well, should it not come to rest in time."""
+        if not self._is_ending:
+            self._is_ending = True
+            notify_service("STOPPING=1")
+            threading.Thread(target=self._end_when_stuck, daemon=True).start()
+
+    def _end_when_stuck(self) -> None:
+        if not self._over.wait(execution.REST_MS / 1000 + STUCK_S):
+            os._exit(STOPPED if execution.halt_open_drivers() else INTERRUPTED)
 
     def _stop(self) -> None:
         self.channel.give(execution.GivenOrder(OperatorCommand.STOP, "", "time limit"))
@@ -97,15 +146,12 @@ class RunSupervision:
     def _pressed(self, *_: object) -> None:
         """The first Ctrl-C interrupts, the second stops."""
         self._presses += 1
-        self.channel.give(
-            execution.GivenOrder(
-                OperatorCommand.INTERRUPT if self._presses == 1 else OperatorCommand.STOP,
-                "",
-                "terminal",
-            )
-        )
+        order = OperatorCommand.INTERRUPT if self._presses == 1 else OperatorCommand.STOP
+        self.channel.give(execution.GivenOrder(order, "", "terminal"))
+        if self._presses > 1:
+            self._end_in_time()
         key_help = "pauses at the end of the current goal; Ctrl-C again stops at once; "
-        sys.stderr.write(
+        write_past_buffers(
             f"\n{key_help}go on with: cellwright continue {self._run}\n"
             if self._presses == 1
             else "\nstops\n"
@@ -117,6 +163,7 @@ class RunSupervision:
             self._state["phase"] = record.content["phase"]
         if record.kind is RecordKind.PLAN:
             self._state["phase"] = "running"
+            notify_service(f"READY=1\nSTATUS=run {self._run}")
             if self._approve and record.content["why"] == "first":
                 self._ask(record)
         if self._out is not None:
@@ -132,7 +179,7 @@ class RunSupervision:
             )
             self._out.flush()
         except OSError as error:
-            sys.stderr.write(f"no more events: {error.strerror}; the run goes on\n")
+            write_past_buffers(f"no more events: {error.strerror}; the run goes on\n")
             if self._events == "-":
                 sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - what else is told is lost
             self._out = None
@@ -147,10 +194,12 @@ class RunSupervision:
                 f"{start:>10.1f} s {lasts:>8.1f} s  {step['stream']:<16} {step['step']}\n"
             )
         if not sys.stdin.isatty():
-            sys.stderr.write(f"waits for: cellwright approve {self._run}\n")
+            write_past_buffers(f"waits for: cellwright approve {self._run}\n")
             return
-        sys.stderr.write("carry this out? [y/n] ")
-        sys.stderr.flush()
+        write_past_buffers("carry this out? [y/n] ")
+        while not select.select([sys.stdin], [], [], 1 / FRAMES)[0]:
+            if self._is_ending:
+                return
         answer_line = sys.stdin.readline().strip().lower()
         self.channel.give(
             execution.GivenOrder(
@@ -162,6 +211,7 @@ class RunSupervision:
 
 
 FRAMES = 8  # a second
+STUCK_S = 3.0  # beyond the time for motions until a run that has not come to rest is ended by force
 Give = Callable[[str], None]  # gives an order by its name
 
 
@@ -240,9 +290,13 @@ class TerminalKeys:
         import termios
 
         self._over.set()
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+        with contextlib.suppress(termios.error):  # the terminal may be gone
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
 
     def _read(self) -> None:
         while not self._over.is_set():
             if select.select([sys.stdin], [], [], 1 / FRAMES)[0]:
-                self._press(sys.stdin.read(1))
+                key = sys.stdin.read(1)
+                if not key:  # the terminal is gone
+                    return
+                self._press(key)

@@ -239,7 +239,7 @@ def _carried_out(
             problem,
             watch.channel,
             watch.watchers,
-            limits,
+            replace(limits, interrupted=watch.is_ending),
             table=table,
             scope=scope,
             paths=paths,
@@ -379,7 +379,9 @@ def _resume_run(
     where = store or kb_store.default_store()
     pace, before = execution.follow_run(where, run, factor) if watch else (0.0, ())
     with RunSupervision(run, where, events, False, watch, pace, before) as seen:
-        limits = SearchLimits(expansions_within(search[0], None), seed=search[1])
+        limits = SearchLimits(
+            expansions_within(search[0], None), interrupted=seen.is_ending, seed=search[1]
+        )
         ending = execution.resume_run(
             where, run, seen.channel, seen.watchers, limits, factor, unchained
         )

@@ -6,18 +6,21 @@ what came from a queue.
 
 import asyncio
 import contextlib
+import itertools
 import queue
 import shlex
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent import futures
 from dataclasses import dataclass
 from typing import Any
 
+from cellwright.engine.pipelines.execution.controllers.line_splitter import LineSplitter
 from cellwright.engine.pipelines.execution.controllers.protocol import (
     ANSWER_OF_QUESTION,
     MAX_LINE_BYTES,
+    MAX_NAME_CHARACTERS,
     MalformedLine,
     protocol_line,
     read_line,
@@ -26,7 +29,14 @@ from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.numbers import NumberError, is_count, read_decimal
 
 MAX_SILENT_HEARTBEATS = 3  # heartbeats without a line after which a controller counts as hanging
+MAX_FRUITLESS_CONNECTIONS = 20  # in a row that end before any command is answered
+MAX_WAITING_BYTES = 32 * 2**20  # of what has come and was not taken in yet
+MAX_DROPPED_BYTES = 256 * 2**20  # of a line that does not end
+EVENT_BYTES, VALUE_BYTES = 500, 100  # about the memory of an event, and of a value in a line
+READ_BYTES = 2**16
+UNASKED_TYPES = ("reply", "part")  # they come by themselves, whatever other keys they have
 AGAIN_S = 0.1  # between two attempts to connect
+ROOM_S = 0.02  # between two looks whether there is room
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +65,10 @@ class Patience:
 
 @dataclass(frozen=True, slots=True)
 class MessageCame:
-    """A line that nobody asked for."""
+    """A line that nobody asked for, and about how many bytes of memory it takes."""
 
     content: Mapping[str, Any]
+    cost: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +93,25 @@ class ConnectionBroken:
 Event = MessageCame | UnreadableLine | ControllerConnected | ConnectionBroken
 
 
+class EventInbox(queue.Queue[Event]):
+    """What has come and was not taken in yet. `cost` is about its memory, in bytes."""
+
+    cost = 0
+
+    def _put(self, item: Event) -> None:
+        super()._put(item)
+        self.cost += EVENT_BYTES + getattr(item, "cost", 0)
+
+    def _get(self) -> Event:
+        item: Event = super()._get()
+        self.cost -= EVENT_BYTES + getattr(item, "cost", 0)
+        return item
+
+
+class PeerGivenUp(Exception):
+    """What the peer does makes it useless to connect again. The text says what it did."""
+
+
 class NoAnswer(Exception):
     """A question got no answer. The text says why."""
 
@@ -96,50 +126,63 @@ class ControllerLink:
     def __init__(self, place: ControllerAddress, patience: Patience, fence: int = 0) -> None:
         self.place, self.patience = place, patience
         self._fenced: dict[str, int] = {"fence": fence} if fence else {}  # goes with each question
-        self.inbox: queue.Queue[Event] = queue.Queue()
+        self.inbox = EventInbox()
+        self._fruitless = 0  # connections since a command was answered
         self._loop = asyncio.new_event_loop()
         self._writer: asyncio.StreamWriter | None = None
         self._process: asyncio.subprocess.Process | None = None
         self._asked: dict[int, tuple[str, futures.Future[dict[str, Any]]]] = {}
-        self._number = 0
+        self._numbers = itertools.count(1)
         self._closing = False
         self._spoke = False  # whether the controller has ever said anything
         self._thread = threading.Thread(target=self._live, daemon=True)
         self._thread.start()
 
-    def ask(self, type_: str, **content: Any) -> dict[str, Any]:
-        """Ask the controller, and wait for its answer. Raises `NoAnswer`."""
-        patience = self.patience.answer_s if self._spoke else self.patience.begin_s
-        self._number += 1
-        number = self._number
+    def ask(self, type_: str, more_s: float = 0.0, **content: Any) -> dict[str, Any]:
+        """Ask the controller, and wait for its answer, for `more_s` longer than usual. Raises
+        `NoAnswer`.
+        """
+        patience = (self.patience.answer_s if self._spoke else self.patience.begin_s) + more_s
+        number = next(self._numbers)
         answer: futures.Future[dict[str, Any]] = futures.Future()
         self._asked[number] = (type_, answer)
-        self._loop.call_soon_threadsafe(
-            self._write, protocol_line(type_, id=number, **self._fenced, **content)
-        )
         try:
+            line = protocol_line(type_, id=number, **self._fenced, **content)
+            self._call(self._write, line)
             return answer.result(patience)
         except futures.TimeoutError:
             raise NoTimelyAnswer(f"no answer to `{type_}` within {patience:g} s") from None
         finally:
             self._asked.pop(number, None)
 
+    def _call(self, function: Callable[..., None], *arguments: Any) -> None:
+        """Call a function in the thread of the link. Raises `NoAnswer` if that has ended."""
+        try:
+            self._loop.call_soon_threadsafe(function, *arguments)
+        except RuntimeError:  # the loop is closed
+            raise NoAnswer("the connection is closed") from None
+
+    def replied(self) -> None:
+        """A command was answered: the controller does get on, whatever its connections do."""
+        self._fruitless = 0
+
     def say(self, text: bytes) -> None:
-        """Send a line that asks nothing."""
-        self._loop.call_soon_threadsafe(self._write, text)
+        """Send a line that asks nothing. Raises `NoAnswer`."""
+        self._call(self._write, text)
 
     def broken_off(self) -> None:
         """Give this connection up, so that another one is made."""
-        self._loop.call_soon_threadsafe(self._hang_up)
+        with contextlib.suppress(NoAnswer):
+            self._call(self._hang_up)
 
     def close(self) -> None:
         """Say goodbye. A controller that listens lives on; one that was started here is left to
         end by itself.
         """
         self._closing = True
-        with contextlib.suppress(RuntimeError):
-            self._loop.call_soon_threadsafe(self._write, protocol_line("bye"))
-            self._loop.call_soon_threadsafe(self._hang_up)
+        with contextlib.suppress(NoAnswer):
+            self._call(self._write, protocol_line("bye"))
+            self._call(self._hang_up)
         self._thread.join(self.patience.answer_s)
 
     def _write(self, text: bytes) -> None:
@@ -179,11 +222,18 @@ class ControllerLink:
                 await asyncio.sleep(AGAIN_S)
                 continue
             self.inbox.put(ControllerConnected())
-            why = await self._conversation(reader)
+            self._fruitless += 1
+            try:
+                why, is_last = await self._conversation(reader), bool(self.place.command)
+            except PeerGivenUp as error:
+                why, is_last = str(error), True
             lost = time.monotonic()
             self._hang_up()
             self._disappoint(why)
-            if self.place.command:
+            if is_last:
+                break
+            if self._fruitless >= MAX_FRUITLESS_CONNECTIONS:
+                why = f"{self._fruitless} connections have ended without a reply; the last: {why}"
                 break
         await self._ended()
         self.inbox.put(ConnectionBroken(why))
@@ -192,13 +242,18 @@ class ControllerLink:
     async def _connect(self) -> asyncio.StreamReader:
         if not self.place.command:
             reader, self._writer = await asyncio.open_connection(
-                self.place.host, self.place.port, limit=MAX_LINE_BYTES
+                self.place.host, self.place.port, limit=READ_BYTES
             )
             return reader
         pipe = asyncio.subprocess.PIPE
         words = shlex.split(self.place.command)
         self._process = await asyncio.create_subprocess_exec(
-            *words, stdin=pipe, stdout=pipe, limit=MAX_LINE_BYTES
+            *words,
+            stdin=pipe,
+            stdout=pipe,
+            limit=READ_BYTES,
+            # Ctrl-C and a hang-up go to all processes of a terminal; this one is to be told by us
+            start_new_session=True,
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -206,44 +261,60 @@ class ControllerLink:
         return self._process.stdout
 
     async def _conversation(self, reader: asyncio.StreamReader) -> str:
-        """Read until the connection ends; why it did."""
+        """Read until the connection ends; why it did. Raises `PeerGivenUp`."""
         silent = 0
-        beat = self.patience.heartbeat_s
+        beat, lines = self.patience.heartbeat_s, LineSplitter(MAX_LINE_BYTES)
         while True:
+            await self._make_room()
             try:
-                text = await asyncio.wait_for(reader.readline(), beat)
+                chunk = await asyncio.wait_for(reader.read(READ_BYTES), beat)
             except TimeoutError:
                 silent += self._spoke
                 if silent >= MAX_SILENT_HEARTBEATS:
                     return f"no sign of life for {silent * beat:g} s"
                 self._write(protocol_line("ping", id=0))
                 continue
-            except ValueError:
-                self.inbox.put(UnreadableLine(f"a line of more than {MAX_LINE_BYTES} bytes"))
-                continue
             except OSError as error:
                 return f"the connection broke: {error}"
-            if not text:
+            if not chunk:
                 return "the controller has hung up"
             silent, self._spoke = 0, True
-            self._heard(text)
+            for text in lines.feed(chunk):
+                self._heard(text)
+            if lines.dropped > MAX_DROPPED_BYTES:
+                raise PeerGivenUp(f"it sends a line of more than {MAX_DROPPED_BYTES} bytes")
 
-    def _heard(self, text: bytes) -> None:
+    async def _make_room(self) -> None:
+        """Read no more while much waits to be taken in. While a question waits for its answer,
+        which may be behind all that, read twice as much. Raises `PeerGivenUp` beyond that.
+        """
+        while self.inbox.cost > MAX_WAITING_BYTES and not self._asked and not self._closing:
+            await asyncio.sleep(ROOM_S)
+        if self.inbox.cost > 2 * MAX_WAITING_BYTES:
+            raise PeerGivenUp("it sends more than can be taken in, and no answer")
+
+    def _heard(self, text: bytes | None) -> None:
+        if text is None:
+            self.inbox.put(UnreadableLine(f"a line of more than {MAX_LINE_BYTES} bytes"))
+            return
         try:
             message = read_line(text)
         except MalformedLine as error:
             self.inbox.put(UnreadableLine(str(error)))
             return
-        if message["type"] == "alive" and message.get("id") == 0:
-            return
         number = message.get("id")
-        asked = self._asked.get(number) if isinstance(number, int) else None
-        if asked is None:
-            self.inbox.put(MessageCame(message))
+        is_asked = isinstance(number, int) and not isinstance(number, bool)
+        if message["type"] == "alive" and is_asked and number == 0:
+            return
+        asked = self._asked.get(int(number)) if number is not None and is_asked else None
+        if asked is None or message["type"] in UNASKED_TYPES:
+            values = text.count(b",") + text.count(b"[") + text.count(b"{")
+            self.inbox.put(MessageCame(message, len(text) + VALUE_BYTES * values))
         elif message["type"] in (ANSWER_OF_QUESTION[asked[0]], "refused") and not asked[1].done():
             asked[1].set_result(message)
         else:
-            self.inbox.put(UnreadableLine(f"`{message['type']}` is no answer to `{asked[0]}`"))
+            kind = message["type"][:MAX_NAME_CHARACTERS]
+            self.inbox.put(UnreadableLine(f"`{kind}` is no answer to `{asked[0]}`"))
 
     async def _ended(self) -> None:
         """Have a process that was started here end."""

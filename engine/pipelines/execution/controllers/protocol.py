@@ -4,6 +4,7 @@ This module turns values into lines and lines into values. It neither waits nor 
 """
 
 import json
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,15 @@ from cellwright.engine.model.run_protocol import (
 from cellwright.kb.json_text import parse_json
 
 MAX_LINE_BYTES = 16 * 1024 * 1024  # bytes of one line; more is sent in parts
+MAX_LINE_VALUES = 400_000  # of lists and objects in one line: each takes memory
+MAX_LINE_CONTAINERS = 100_000  # lists and objects in one line
+MAX_REPLY_CHARACTERS = 10_000  # of the text of a reply, which is a term
+MAX_NAME_CHARACTERS = 200
+MAX_TIME_MS = 10**12  # of a run: 31 years
+MAX_TICK_MS = 10_000  # a stop has to be heard
+MAX_NUMBER = 2**31  # of a command
+MAX_QUEUE_DEPTH = 10_000  # commands
+MAX_QUEUES = 10_000  # streams that have a depth of their own
 ANSWER_OF_QUESTION = {
     "hello": "ready",
     "send": "taken",
@@ -61,8 +71,10 @@ def hello_content(run: str) -> dict[str, Any]:
 
 def read_line(text: bytes) -> dict[str, Any]:
     """The content of a line. Raises `MalformedLine`."""
+    if text.count(b",") > MAX_LINE_VALUES or _containers(text) > MAX_LINE_CONTAINERS:
+        raise MalformedLine(f"a line of too many values; bulk data are texts: {_short_text(text)}")
     try:
-        message = parse_json(text.decode("utf-8"))
+        message = parse_json(text.decode("utf-8"), is_finite=True)
     except ValueError as error:
         raise MalformedLine(f"a line that is no JSON: {_short_text(text)}") from error
     if not isinstance(message, dict) or not isinstance(message.get("type"), str):
@@ -72,26 +84,34 @@ def read_line(text: bytes) -> dict[str, Any]:
 
 def read_ready(content: Mapping[str, Any]) -> ControllerReady:
     """What a controller says of itself. Raises `MalformedLine`."""
-    if content.get("version") != PROTOCOL_VERSION:
+    version = content.get("version")
+    if version != PROTOCOL_VERSION or isinstance(version, bool):
         raise MalformedLine(
-            f"the controller speaks version {content.get('version')} of the protocol, not "
+            f"the controller speaks version {_short_value(version)} of the protocol, not "
             f"{PROTOCOL_VERSION}"
         )
+    if content.get("clock", "real") not in ("real", "virtual"):
+        raise MalformedLine(f"`clock` is real or virtual: {_short_value(content['clock'])}")
     virtual = content.get("clock") == "virtual"
-    tick = None if virtual else _whole_number(content, "tick_ms", 100)
+    tick = None if virtual else _whole_number(content, "tick_ms", 100, (1, MAX_TICK_MS))
     depths = content.get("lookahead", {})
-    if not isinstance(depths, dict) or not all(
-        isinstance(depth, int) and depth > 0 for depth in depths.values()
-    ):
+    if not isinstance(depths, dict) or len(depths) > MAX_QUEUES:
         raise MalformedLine("`lookahead` needs a number of commands for each stream")
-    return ControllerReady(
-        str(content.get("name", "")),
-        _whole_number(content, "now_ms", 0),
-        virtual,
-        tick,
-        depths,
-        content.get("fence") is not None,
-    )
+    for stream in depths:
+        _whole_number(depths, stream, bounds=(1, MAX_QUEUE_DEPTH))
+    name = str(content.get("name", ""))[:MAX_NAME_CHARACTERS]
+    now_ms, fenced = read_time(content, "now_ms", 0), content.get("fence") is not None
+    return ControllerReady(name, now_ms, virtual, tick, depths, fenced)
+
+
+def read_time(content: Mapping[str, Any], key: str, otherwise: int | None = None) -> int:
+    """A time of the run's clock, in ms. Raises `MalformedLine`."""
+    return _whole_number(content, key, otherwise, (0, MAX_TIME_MS))
+
+
+def command_number(content: Mapping[str, Any]) -> int:
+    """The number of the command that a line is about. Raises `MalformedLine`."""
+    return _whole_number(content, "number", bounds=(0, MAX_NUMBER))
 
 
 def newer_fence(answer: Mapping[str, Any], fence: int) -> int | None:
@@ -99,18 +119,21 @@ def newer_fence(answer: Mapping[str, Any], fence: int) -> int | None:
     does not refuse it for that.
     """
     newer = answer.get("fence")
-    is_number = isinstance(newer, int) and not isinstance(newer, bool)
-    return newer if answer.get("type") == "refused" and is_number and newer > fence else None
+    if answer.get("type") != "refused" or not isinstance(newer, int) or isinstance(newer, bool):
+        return None
+    return newer if newer > fence else None
 
 
 def read_reply(content: Mapping[str, Any], now_ms: int) -> Reply:
     """A reply. Raises `MalformedLine`."""
     text, data = content.get("text"), content.get("data", {})
     if not isinstance(text, str) or not isinstance(data, dict):
-        raise MalformedLine(f"a reply without a text: {_short_text(json.dumps(content).encode())}")
-    return Reply(
-        _whole_number(content, "number"), text, _whole_number(content, "at_ms", now_ms), data
-    )
+        raise MalformedLine(f"a reply without a text: {_short_value(content)}")
+    if len(text) > MAX_REPLY_CHARACTERS:
+        raise MalformedLine(
+            f"a reply with a text of more than {MAX_REPLY_CHARACTERS} characters: {text[:40]}..."
+        )
+    return Reply(command_number(content), text, read_time(content, "at_ms", now_ms), data)
 
 
 def read_reports(content: Mapping[str, Any], now_ms: int) -> list[Report]:
@@ -125,8 +148,8 @@ def _read_report(content: Mapping[str, Any], now_ms: int) -> Report:
     try:
         fate = Fate(str(content.get("fate")))
     except ValueError:
-        raise MalformedLine(f"no fate of a command: {content.get('fate')}") from None
-    number = _whole_number(content, "number")
+        raise MalformedLine(f"no fate of a command: {_short_value(content)}") from None
+    number = command_number(content)
     reply = (
         read_reply({**content["reply"], "number": number}, now_ms)
         if isinstance(content.get("reply"), dict)
@@ -201,15 +224,31 @@ def read_commands(content: Mapping[str, Any]) -> Sequence[DriverCommand]:
     return [read_command(command) for command in listed]
 
 
-def _whole_number(content: Mapping[str, Any], key: str, otherwise: int | None = None) -> int:
+def _whole_number(
+    content: Mapping[str, Any],
+    key: str,
+    otherwise: int | None = None,
+    bounds: tuple[int, int] = (-(2**63), 2**63),
+) -> int:
+    """A whole number within bounds. Raises `MalformedLine`."""
     value = content.get(key, otherwise)
     if not isinstance(value, int) or isinstance(value, bool):
-        raise MalformedLine(
-            f"`{key}` is no whole number: {_short_text(json.dumps(value).encode())}"
-        )
+        raise MalformedLine(f"`{key}` is no whole number: {_short_value(value)}")
+    least, most = bounds
+    if not least <= value <= most:
+        raise MalformedLine(f"`{key}` is not from {least} to {most}: {value}")
     return value
 
 
+def _containers(text: bytes) -> int:
+    """At least so many lists and objects are in a line, strings included."""
+    return text.count(b"[") + text.count(b"{")
+
+
+def _short_value(value: Any) -> str:
+    return _short_text(reprlib.repr(value).encode("utf-8", "replace"))
+
+
 def _short_text(text: bytes) -> str:
-    shown = text.decode("utf-8", "replace").strip()
+    shown = text[:320].decode("utf-8", "replace").strip()
     return shown if len(shown) <= 80 else f"{shown[:77]}..."

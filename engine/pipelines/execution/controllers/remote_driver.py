@@ -8,6 +8,7 @@ that were missed are given late.
 import queue
 import time
 from collections.abc import Callable, Mapping, MutableSet, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,6 +23,7 @@ from cellwright.engine.model.run_protocol import (
     Trouble,
     TroubleKind,
 )
+from cellwright.engine.pipelines.execution.controllers.bulk_data import BulkData
 from cellwright.engine.pipelines.execution.controllers.link import (
     ADDRESS_HINT,
     ConnectionBroken,
@@ -38,14 +40,21 @@ from cellwright.engine.pipelines.execution.controllers.link import (
     place_of,
 )
 from cellwright.engine.pipelines.execution.controllers.protocol import (
+    MAX_NAME_CHARACTERS,
     ControllerReady,
     MalformedLine,
     command_entry,
+    command_number,
     hello_content,
     newer_fence,
     read_ready,
     read_reply,
     read_reports,
+    read_time,
+)
+from cellwright.engine.pipelines.execution.controllers.trouble_tally import (
+    MAX_NOISE_LINES,
+    TroubleTally,
 )
 from cellwright.engine.ports import DriverSetup
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -61,11 +70,14 @@ class PendingCommands:
 
     lookahead: Callable[[str], int]
     virtual: bool = False
+    has_replied: Callable[[], None] = lambda: None
     open: dict[int, DriverCommand] = field(default_factory=dict)
     out: list[Message] = field(default_factory=list)
     _sent: dict[int, int] = field(default_factory=dict)  # when each open command was sent
     _ended: MutableSet[int] = field(default_factory=NumberSet)
-    _parts: dict[tuple[int, str], list[str]] = field(default_factory=dict)
+    _waits: dict[int, str] = field(default_factory=dict)  # WAITs that go on, and their streams
+    _bulk: BulkData = field(default_factory=BulkData)
+    tally: TroubleTally = field(default_factory=TroubleTally)
     # came before those of commands ahead in the queue
     _held: dict[int, Reply] = field(default_factory=dict)
 
@@ -77,9 +89,14 @@ class PendingCommands:
             if command.number not in self.open and command.number not in self._ended
         ]
         for command in fresh_commands:
-            if command.kind is not CommandKind.CONTINUE:
-                self.open[command.number] = command
-                self._sent[command.number] = now_ms
+            if command.kind is CommandKind.CONTINUE:
+                self._waits.pop(command.about or 0, None)
+                self._release(command.stream)
+                continue
+            self.open[command.number] = command
+            self._sent[command.number] = now_ms
+            if command.kind is CommandKind.WAIT:
+                self._waits[command.number] = command.stream
         return fresh_commands
 
     def given(self) -> list[Message]:
@@ -97,26 +114,29 @@ class PendingCommands:
                 self._sent[report.number] = now_ms
             elif report.fate is Fate.DROPPED:
                 self.open.pop(report.number, None)
+            elif report.fate is Fate.UNSURE:
+                self.close(report.number)
 
     def part(self, content: Mapping[str, Any]) -> None:
         """Take in a piece of bulk data. Raises `MalformedLine`."""
-        number, name, text = content.get("number"), content.get("name"), content.get("text")
-        if not (isinstance(number, int) and isinstance(name, str) and isinstance(text, str)):
+        name, text = content.get("name"), content.get("text")
+        if not (isinstance(name, str) and isinstance(text, str)):
             raise MalformedLine("a part without number, name or text")
-        if number in self.open:
-            self._parts.setdefault((number, name), []).append(text)
-
-    def _joined(self, number: int) -> dict[str, str]:
-        """The data that came in parts before a reply."""
-        keys = [key for key in self._parts if key[0] == number]
-        return {name: "".join(self._parts.pop((number, name))) for _, name in keys}
+        number = command_number(content)
+        if number not in self.open:
+            raise MalformedLine("a part for a command that is not open")
+        self._bulk.add(number, name, text)
 
     def replied(self, reply: Reply, now_ms: int) -> None:
         """Take in a reply with the pieces that came before it; one that cannot be is told as
         trouble.
         """
-        reply = replace(reply, data={**reply.data, **self._joined(reply.number)})
+        reply = replace(reply, data={**reply.data, **self._bulk.joined(reply.number)})
         command = self.open.get(reply.number)
+        if command is not None and reply.at_ms < self._sent[reply.number]:
+            text = f"a reply from before its command was sent: {reply.at_ms} ms"
+            self._trouble(now_ms, TroubleKind.CLOCK, text, reply.number)
+            reply = replace(reply, at_ms=max(now_ms, self._sent[reply.number]))
         if reply.number in self._ended:
             text = f"a second reply to command {reply.number}: {reply.text}"
             self._trouble(now_ms, TroubleKind.REPEATED, text, reply.number)
@@ -135,14 +155,23 @@ class PendingCommands:
             text = f"the reply came after the command was given up: {reply.text}"
             self._trouble(now_ms, TroubleKind.LATE, text, reply.number)
         else:
-            self.close(reply.number)
-            self.out.append(reply)
+            self._accept(reply)
             self._release(command.stream)
+
+    def _accept(self, reply: Reply) -> None:
+        """The reply is the one to its command, and is given out."""
+        self.close(reply.number)
+        self.out.append(reply)
+        self.tally.replied()
+        self.has_replied()
 
     def _ahead(self, command: DriverCommand) -> int | None:
         """The first open command ahead in the same queue; a device without a queue has none."""
         if self.lookahead(command.stream) < 2 or command.kind is not CommandKind.STEP:
             return None
+        waits = (n for n, stream in self._waits.items() if stream == command.stream)
+        if (wait := min(waits, default=command.number)) < command.number:
+            return wait
         numbers = (
             n for n, open_command in sorted(self.open.items())
             if open_command.stream == command.stream and open_command.kind is CommandKind.STEP
@@ -155,9 +184,15 @@ class PendingCommands:
         for number in sorted(self._held):
             command = self.open.get(number)
             if command is not None and command.stream == stream and self._ahead(command) is None:
-                reply = self._held.pop(number)
-                self.close(number)
-                self.out.append(reply)
+                self._accept(self._held.pop(number))
+
+    def release_all(self) -> None:
+        """Give all replies that waited: the queues are empty, so nothing is ahead any more."""
+        self._waits.clear()
+        for number in sorted(self._held):
+            reply = self._held.pop(number)
+            if number in self.open:
+                self._accept(reply)
 
     def _is_late(self, command: DriverCommand, reply: Reply, now_ms: int) -> bool:
         if command.timeout_ms is None or self.lookahead(command.stream) > 1:
@@ -168,13 +203,24 @@ class PendingCommands:
     def close(self, number: int) -> None:
         """A command has ended."""
         self.open.pop(number, None)
+        self._bulk.joined(number)
         self._ended.add(number)
 
     def _trouble(self, now_ms: int, kind: TroubleKind, text: str, number: int) -> None:
-        self.out.append(Trouble(kind, text, now_ms, number))
+        self.note(Trouble(kind, text, now_ms, number))
+
+    def note(self, trouble: Trouble) -> None:
+        """Tell of a trouble, if it is not one more of those that were told."""
+        noted = self.tally.noted(trouble)
+        self.out += [] if noted is None else [noted]
 
 
 MAX_ATTEMPTS = 3  # for one question, each over another connection
+MAX_FRUITLESS_ADVANCES = 100  # of a virtual clock, in a row, without a reply or the time asked for
+MAX_LISTENING_MS = 250  # so soon an order is heard, whatever the tick of the controller is
+MAX_EVENTS_AT_ONCE = 1_000
+JUMP_MS = 60_000  # a clock may be so far ahead of ours after a connection was made again
+BACK_MS = 1_000  # and a real one so far behind
 
 
 class ControllerLost(Exception):
@@ -189,8 +235,10 @@ class ControllerDriver:
     ) -> None:
         self._run, self._patience, self._fence = run, patience, fence
         self.link = ControllerLink(place, patience, fence)
-        self._pending = PendingCommands(self.lookahead)
+        self._pending = PendingCommands(self.lookahead, has_replied=self.link.replied)
+        self._fruitless = 0  # times that a virtual clock was asked to advance, and nothing came
         self._lost = ""
+        self._is_greeted = False  # whether it has said what it is
         self._now, self._since = 0, time.monotonic()
         self._ready = ControllerReady("", 0, False, 100, {})
         self._greet()
@@ -205,6 +253,9 @@ class ControllerDriver:
             self._await_connection(end)
             self._introduce()
         except (ControllerLost, NoAnswer, MalformedLine) as error:
+            if self._is_greeted:
+                with suppress(NoAnswer):
+                    self.link.ask("halt")
             self.close()
             reason = f"the controller does not answer: {error}"
             raise InvalidInput(
@@ -216,10 +267,16 @@ class ControllerDriver:
         if self._is_fenced_off(answer):
             raise ControllerLost(self._lost)
         if answer["type"] == "refused":
-            raise MalformedLine(f"it refuses: {answer.get('why', '')}")
-        self._ready = read_ready(answer)
-        self._pending.virtual = self._ready.virtual
-        self._set_clock(self._ready.now_ms)
+            raise MalformedLine(f"it refuses: {str(answer.get('why', ''))[:MAX_NAME_CHARACTERS]}")
+        is_first, self._is_greeted = not self._is_greeted, True
+        ready = read_ready(answer)
+        if not is_first and ready.virtual != self._ready.virtual:
+            raise MalformedLine("its clock was real and is virtual now, or the other way about")
+        self._ready, self._pending.virtual = ready, ready.virtual
+        if is_first:
+            self._now, self._since = ready.now_ms, time.monotonic()
+        else:
+            self._set_clock(ready.now_ms, None if ready.virtual else JUMP_MS)
 
     def _await_connection(self, end: float) -> None:
         while True:
@@ -232,8 +289,25 @@ class ControllerDriver:
             if isinstance(event, ConnectionBroken):
                 raise ControllerLost(event.why)
 
-    def _set_clock(self, now_ms: int) -> None:
-        self._now, self._since = max(self._now, now_ms), time.monotonic()
+    def _set_clock(self, now_ms: int, jump_ms: int | None = None) -> None:
+        """Take over a time that the controller tells; not one that goes back, or, with `jump_ms`,
+        that is further ahead of ours.
+        """
+        ours = self.now_ms()
+        if now_ms < ours - BACK_MS * (not self._ready.virtual):
+            self._trouble(TroubleKind.CLOCK, f"a time that goes back: from {ours} to {now_ms} ms")
+        elif jump_ms is not None and now_ms > ours + jump_ms:
+            self._trouble(TroubleKind.CLOCK, f"a time that jumps: from {ours} to {now_ms} ms")
+        elif now_ms > ours:
+            self._now, self._since = now_ms, time.monotonic()
+
+    def not_before(self, at_ms: int) -> None:
+        """The clock is at least so far: the run, which goes on, has seen it there."""
+        if self.now_ms() < at_ms:
+            if not self._ready.virtual:
+                text = f"a time that goes back: from {at_ms} to {self.now_ms()} ms"
+                self._trouble(TroubleKind.CLOCK, text)
+            self._now, self._since = at_ms, time.monotonic()
 
     @property
     def name(self) -> str:
@@ -280,17 +354,32 @@ class ControllerDriver:
         self._take_in()
         if not self._pending.out and not self._lost:
             if self._ready.virtual:
-                answer = self._ask("advance", until_ms=until_ms)
-                if answer is not None:
-                    self._read(lambda: self._set_clock(_controller_time(answer)))
-                self._take_in()
+                self._advance(until_ms)
             else:
                 self._listen(until_ms)
         return self._pending.given()
 
+    def _advance(self, until_ms: int | None) -> None:
+        """Let a virtual clock jump. One that is asked too often and gets nowhere is given up."""
+        answer = self._ask("advance", until_ms=until_ms)
+        if answer is not None:
+            self._read(lambda: self._set_clock(read_time(answer, "now_ms")))
+        self._take_in()
+        if until_ms is not None and self._now > until_ms and not self._pending.out:
+            text = f"a time that jumps: {self._now} ms, and it was to stop at {until_ms} ms"
+            self._trouble(TroubleKind.CLOCK, text)
+        wanted = any(not command.asks for command in self._pending.open.values())
+        is_there = until_ms is not None and self._now >= until_ms
+        if self._pending.out or is_there or (until_ms is None and not wanted):
+            self._fruitless = 0
+        else:
+            self._fruitless += 1
+        if self._fruitless > MAX_FRUITLESS_ADVANCES:
+            self._lose(f"its clock gets nowhere: {MAX_FRUITLESS_ADVANCES} times nothing came of it")
+
     def _listen(self, until_ms: int | None) -> None:
         """Wait for the next line, at most a tick or until a time."""
-        wait_ms = self._ready.tick_ms or 100
+        wait_ms = min(self._ready.tick_ms or 100, MAX_LISTENING_MS)
         if until_ms is not None:
             wait_ms = min(wait_ms, max(0, until_ms - self.now_ms()))
         try:
@@ -300,7 +389,10 @@ class ControllerDriver:
         self._take_in()
 
     def _take_in(self) -> None:
-        while not self._lost:
+        """Take in what has come, as far as it is to be taken in at once."""
+        for _ in range(MAX_EVENTS_AT_ONCE):
+            if self._lost:
+                return
             try:
                 self._hear(self.link.inbox.get_nowait())
             except queue.Empty:
@@ -330,19 +422,24 @@ class ControllerDriver:
                 self._pending.replied(read_reply(content, self.now_ms()), self.now_ms())
             case "part":
                 self._pending.part(content)
-            case _:
-                raise MalformedLine(f"nobody asked for `{content['type']}`")
+            case type_:
+                raise MalformedLine(f"nobody asked for `{type_[:MAX_NAME_CHARACTERS]}`")
+        if self._pending.tally.noise > MAX_NOISE_LINES:
+            self._lose(f"more than {MAX_NOISE_LINES} lines that say nothing")
 
     def _trouble(self, kind: TroubleKind, text: str) -> None:
-        self._pending.out.append(Trouble(kind, text, self.now_ms()))
+        self._pending.note(Trouble(kind, text, self.now_ms()))
+        if self._pending.tally.noise > MAX_NOISE_LINES and kind is not TroubleKind.LOST:
+            self._lose(f"more than {MAX_NOISE_LINES} lines that say nothing; the last: {text}")
 
     def _lose(self, why: str) -> None:
         if not self._lost:
             self._lost = why or "the connection is closed"
-            self._trouble(TroubleKind.LOST, self._lost)
+            self._pending.out += self._pending.tally.counts(self.now_ms())
+            self._pending.out.append(Trouble(TroubleKind.LOST, self._lost, self.now_ms()))
 
-    def _ask(self, type_: str, **content: Any) -> dict[str, Any] | None:
-        """Ask the controller, over a connection made again if need be.
+    def _ask(self, type_: str, more_s: float = 0.0, **content: Any) -> dict[str, Any] | None:
+        """Ask the controller, over a connection made again if need be, for `more_s` longer.
 
         None, and the loss is told, if that fails, too.
         """
@@ -351,7 +448,7 @@ class ControllerDriver:
             if self._lost:
                 return None
             try:
-                answer = self.link.ask(type_, **content)
+                answer = self.link.ask(type_, more_s, **content)
                 return None if self._is_fenced_off(answer) else answer
             except NoAnswer as error:
                 why = str(error)
@@ -410,20 +507,29 @@ class ControllerDriver:
             if report.fate is Fate.UNKNOWN and report.number in self._pending.open
         ]
         for report in reports:
-            if report.reply is not None and report.number in self._pending.open:
-                self._pending.replied(report.reply, self.now_ms())
+            reply = report.answer(self.now_ms())
+            if reply is not None and report.number in self._pending.open:
+                self._pending.replied(reply, self.now_ms())
         if again:
             self.link.ask("send", commands=[command_entry(command) for command in again])
 
     def quiesce(self, within_ms: int) -> Sequence[Message]:
         """Have the controller drop what is queued and bring what moves to its end."""
-        self._ask("quiesce", within_ms=within_ms)
+        self._ask("quiesce", within_ms / 1000, within_ms=within_ms)
         self._take_in()
+        self._pending.release_all()
+        self._pending.out += self._pending.tally.counts(self.now_ms())
         return self._pending.given()
 
     def halt(self) -> None:
         """Stop everything."""
         self._ask("halt")
+
+    def stop_from_outside(self) -> None:
+        """Stop everything, from another thread than the one that drives."""
+        with suppress(NoAnswer):
+            self.link.ask("quiesce", within_ms=0)
+        self.link.ask("halt")
 
     def report(self, numbers: Sequence[int]) -> Sequence[Report]:
         """What became of commands; unknown, if the controller is lost."""
@@ -441,13 +547,6 @@ class ControllerDriver:
     def close(self) -> None:
         """Hang up. A controller that listens lives on."""
         self.link.close()
-
-
-def _controller_time(answer: Mapping[str, Any]) -> int:
-    now = answer.get("now_ms")
-    if not isinstance(now, int) or isinstance(now, bool):
-        raise MalformedLine("`advanced` does not say `now_ms`")
-    return now
 
 
 def external_controller(setup: DriverSetup) -> ControllerDriver:
