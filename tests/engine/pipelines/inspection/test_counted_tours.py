@@ -53,7 +53,7 @@ def test_no_order_takes_less_than_the_bound_and_the_proved_one_takes_it(
     if counted is None:
         assert len(found.itinerary.runs) == 1
         return
-    line = chain_of(problem, SearchLimits())
+    line = chain_of(problem, TourLimits())
     parts = found.itinerary.parts(problem)
     every = [line.trial(order)[0] for order in itertools.permutations(parts)]
     assert counted.proved
@@ -78,6 +78,6 @@ def test_an_interrupt_ends_the_count_between_two_visits(tmp_path: Path) -> None:
     way = replace(sequenced.itinerary, counted=None, fixed=False)
     calls = itertools.count()
     limits = TourLimits(interrupted=lambda: next(calls) > 1)
-    counted = in_counted_order(way, chain_of(problem, SearchLimits()), limits)
+    counted = in_counted_order(way, chain_of(problem, TourLimits()), limits)
     assert counted.counted is None
     assert next(calls) == 3
