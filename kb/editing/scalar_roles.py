@@ -110,7 +110,9 @@ OPERATOR_SHAPE = ScalarShape(
         "decrease": _CHANGES_SHAPE,
         "assign": _CHANGES_SHAPE,
         "resources": ScalarShape(Role.TERMS, "held"),
-        "duration": TERM,
+        "duration": ScalarShape(
+            Role.TERMS, "named", keys=dict.fromkeys(("from", "to", "usual", "spread"), TERM)
+        ),
         "cost": TERM,
         "command": _COMMAND_SHAPE,
         "online": list_of(ScalarShape(keys={"fact": READ})),

@@ -163,7 +163,7 @@ class MujocoStage:
 
         If it `stops`, it ends where something that the arm drags does not come along, as at the
         limit of a force. The hand holds it still, and the way that the arm came in by is left to go
-        back. Raises `Stopped`.
+        back. Raises `ArmStopped`.
         """
         parts = step_parts(step, before, after)
         for stop, (part, old, new) in zip(step.stops, parts[:-1], strict=False):
