@@ -1,7 +1,7 @@
 """The facts that stand in the way of the goals, with the thing that cannot be used because of them.
 
 "slra (laser) is not available: location(slra, t3_746, elsewhere) holds at the start, and no step
-changes that". A fact stands in the way if there is a plan without it.
+that can be taken ends that". A fact stands in the way if there is a plan without it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,7 +23,7 @@ def obstacle_reasons(
             held = f"the problem says {fact}"
             if change.edits[0].layer == INITIAL:
                 lasts = not _is_changed(task, fact)
-                held = f"{fact} holds at the start{', and no step changes that' if lasts else ''}"
+                held = f"{fact} holds at the start{', and no step that can be taken ends that' if lasts else ''}"
             thing = barred_thing(problem, fact)
             if thing is None or str(thing) not in (change.missing or ("",))[-1]:
                 yield held

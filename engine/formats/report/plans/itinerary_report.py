@@ -105,7 +105,8 @@ def counted_entry(way: Itinerary) -> dict[str, Any]:
     """What the plan takes with all changes, for JSON: in the place of the length of its ways,
     which comes under `ways`.
     """
-    ways = {"ways": {"cost": way.tour.cost, "unit": way.problem.unit}}
+    least = {"lower_bound": way.tour.lower_bound, "unit": way.problem.unit}
+    ways = {"ways": {"cost": way.tour.cost, **least}}
     if way.counted is None:
         return {**ways, "lower_bound": None, "gap": None, "proved": False} if way.altered else {}
     counted = way.counted

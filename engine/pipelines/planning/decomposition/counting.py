@@ -20,7 +20,7 @@ from cellwright.engine.pipelines.planning.decomposition.measurement_order import
 from cellwright.engine.pipelines.planning.decomposition.part_chain import INFINITE_COST, PartChain
 from cellwright.engine.stages.sequencing import TourLimits, sequence_tour
 
-MOST_COUNTED = 30  # visits: from each to each other one something is planned
+MOST_COUNTED = 60  # visits: from each to each other one something is planned
 
 
 def in_counted_order(
@@ -42,9 +42,11 @@ def in_counted_order(
     ):
         return way
     links = Links(way, line, cheap, {part.name: part for part in way.parts(line.problem)})
-    table = [
-        [links.value_between(one, other) for other in _places(count)] for one in _places(count)
-    ]
+    table = list[list[Value]]()
+    for one in _places(count):
+        if limits.interrupted():
+            return way
+        table.append([links.value_between(one, other) for other in _places(count)])
     if any(each[0] >= INFINITE_COST for row in table for each in row):
         return way
     problem, scale = _problem(way, table)

@@ -54,7 +54,7 @@ def explained(folder: Path, facts: str) -> Explanation:
         (
             "statics: ['takes(plate, drill_1)']\ninitial: ['edge(drill_1, worn)']\n",
             "drill_1 (drill) is not available: edge(drill_1, worn) holds at the start, and no step "
-            "changes that",
+            "that can be taken ends that",
         ),
     ],
 )
@@ -78,3 +78,26 @@ def test_a_tool_is_proposed_where_nothing_is_in_the_way(tmp_path: Path) -> None:
     assert explanation.obstacles == ()
     facts = {str(fact) for change in explanation.changes for fact in change.facts}
     assert {"takes(plate, drill_1)", "takes(plate, saw_1)"} & facts
+
+
+def test_a_fact_that_a_step_could_end_is_not_said_to_stay(tmp_path: Path) -> None:
+    own = SHOP.replace(
+        "deductive_operators:",
+        "  grind(T, P):\n    preconditions: edge(T, worn), not machined(P)\n"
+        "    adds: edge(T, fine), spoilt(P)\ndeductive_operators:",
+    )
+    own = own.replace("  hung(tool): {}\n", "  hung(tool): {}\n  spoilt(part): {}\n")
+    own = own.replace(
+        "preconditions: edge(T, fine)\n    adds: machined",
+        "preconditions: edge(T, fine), not spoilt(P)\n    adds: machined",
+    )
+    (tmp_path / "problems").mkdir()
+    (tmp_path / "domain.yaml").write_text(own)
+    file = tmp_path / "problems" / "p.yaml"
+    file.write_text(
+        "problem: p\ndomain: shop\nobjects: {part: [plate]}\n"
+        "statics: ['takes(plate, drill_1)']\ninitial: ['edge(drill_1, worn)']\n"
+        "goals: ['machined(plate)']\n"
+    )
+    (said,) = explain_infeasibility(load_problem(str(file))).obstacles
+    assert said.endswith("edge(drill_1, worn) holds at the start")

@@ -4,6 +4,7 @@ is said to.
 
 import itertools
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,9 +13,11 @@ from cellwright.engine.formats.report.plans.itinerary_report import itinerary_en
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.planning.decomposition import by_sequence
+from cellwright.engine.pipelines.planning.decomposition.counting import in_counted_order
 from cellwright.engine.pipelines.planning.decomposition.part_chain import chain_of
 from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
 from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.sequencing import TourLimits
 from cellwright.kb.loader import load_problem
 from cellwright.kb.model.planning_problem import Problem
 
@@ -50,7 +53,7 @@ def test_no_order_takes_less_than_the_bound_and_the_proved_one_takes_it(
     if counted is None:
         assert len(found.itinerary.runs) == 1
         return
-    line = chain_of(problem, SearchLimits())
+    line = chain_of(problem, TourLimits())
     parts = found.itinerary.parts(problem)
     every = [line.trial(order)[0] for order in itertools.permutations(parts)]
     assert counted.proved
@@ -65,3 +68,16 @@ def test_twelve_points_are_proved_through_plan() -> None:
     assert content["cost"] == content["lower_bound"] == 205
     assert content["unit"] == "s"
     assert content["ways"]["unit"] == "µm"
+    assert 0 < content["ways"]["lower_bound"] <= content["ways"]["cost"]
+
+
+def test_an_interrupt_ends_the_count_between_two_visits(tmp_path: Path) -> None:
+    problem = written(tmp_path, 4, 0)
+    sequenced = by_sequence(problem)
+    assert sequenced is not None
+    way = replace(sequenced.itinerary, counted=None, fixed=False)
+    calls = itertools.count()
+    limits = TourLimits(interrupted=lambda: next(calls) > 1)
+    counted = in_counted_order(way, chain_of(problem, TourLimits()), limits)
+    assert counted.counted is None
+    assert next(calls) == 3
