@@ -33,8 +33,7 @@ cdef void weigh_conclusions(
 ) noexcept
 
 @cython.locals(
-    points=Py_ssize_t, point=Py_ssize_t, worth=double, outcome=Py_ssize_t, kept=double, at=Py_ssize_t, part=double,
-    low=double, high=double
+    points=Py_ssize_t, point=Py_ssize_t, outcome=Py_ssize_t, kept=double, at=Py_ssize_t, low=double, high=double
 )
 cdef void weigh_action(PairProblems pairs, Py_ssize_t pair, Py_ssize_t action, double one, double two) noexcept
 
