@@ -82,5 +82,5 @@ cdef double charged(PairBounds bounds, Beliefs problem, Trail trail, Py_ssize_t 
 )
 cpdef double floor_in_pairs(PairBounds bounds, Beliefs problem, Trail trail, Py_ssize_t level) noexcept
 
-@cython.locals(point=Py_ssize_t, high=double)
+@cython.locals(point=Py_ssize_t, high=double, value=double)
 cdef double pair_value(PairBounds bounds, Py_ssize_t pair, double at, double one, double two) noexcept

@@ -132,8 +132,9 @@ def weigh_action(pairs: PairProblems, pair: int, action: int, one: float, two: f
             high = kept * pairs._parts[pair, action, outcome]
             low = kept - high
             for point in range(points):
-                pairs._next[point] += low * pairs._values[pair, at + point] + high * (
-                    pairs._values[pair, at + point + 1]
+                pairs._next[point] += (
+                    low * pairs._values[pair, at + point]
+                    + high * (pairs._values[pair, at + point + 1])
                 )
     for point in range(points):
         if pairs._next[point] < pairs._best[point]:
@@ -316,4 +317,6 @@ def pair_value(bounds: PairBounds, pair: int, at: float, one: float, two: float)
     point = int(at)
     high = (one / bounds.ratios[point] - two) / bounds.step
     high = min(two, max(0.0, high))
-    return (two - high) * bounds.values[pair, point] + high * bounds.values[pair, point + 1]
+    value: float = (two - high) * bounds.values[pair, point]
+    value += high * bounds.values[pair, point + 1]
+    return value
