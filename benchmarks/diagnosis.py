@@ -202,7 +202,7 @@ def unsure_tests(problems: int, _: Path) -> tuple[list[Row], list[str]]:
         )
         missed += [f"unsure tests, {sizes}: loss {max(losses):.3f} %"] if max(losses) > bar else []
         missed += [f"unsure tests, {sizes}: {wrong} bounds violated"] if wrong else []
-    for causes in (3, 4, 6):
+    for causes in (3, 4, 6, 8):
         gaps, times = [], []
         for seed in range(max(3, problems // 10)):
             problem = unsure(causes, 20, seed)

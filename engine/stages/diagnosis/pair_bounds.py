@@ -31,7 +31,7 @@ LEAST_SLOPES = 1e-3  # of sums of squares that steps are divided by
 RECENT = 0.05  # the part of the last prices in their mean
 ROUGH_SWEEPS, ROUGH = 12, 1e-3  # of a value iteration whose result only leads the prices
 SWEEPS, SETTLED = 3000, 1e-6  # of one whose result is a bound
-STEP_NS = 1.5  # about nanoseconds for one point of one outcome in a sweep
+STEP_NS = 1.0  # about nanoseconds for one point of one outcome in a sweep
 
 
 @dataclass(frozen=True, slots=True)

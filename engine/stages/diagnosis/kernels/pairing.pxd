@@ -33,8 +33,7 @@ cdef void weigh_conclusions(
 ) noexcept
 
 @cython.locals(
-    points=Py_ssize_t, point=Py_ssize_t, worth=double, outcome=Py_ssize_t, kept=double, at=Py_ssize_t, part=double,
-    low=double, high=double
+    points=Py_ssize_t, point=Py_ssize_t, outcome=Py_ssize_t, kept=double, at=Py_ssize_t, low=double, high=double
 )
 cdef void weigh_action(PairProblems pairs, Py_ssize_t pair, Py_ssize_t action, double one, double two) noexcept
 
@@ -83,5 +82,5 @@ cdef double charged(PairBounds bounds, Beliefs problem, Trail trail, Py_ssize_t 
 )
 cpdef double floor_in_pairs(PairBounds bounds, Beliefs problem, Trail trail, Py_ssize_t level) noexcept
 
-@cython.locals(point=Py_ssize_t, high=double)
+@cython.locals(point=Py_ssize_t, high=double, value=double)
 cdef double pair_value(PairBounds bounds, Py_ssize_t pair, double at, double one, double two) noexcept

@@ -124,18 +124,21 @@ def weigh_action(pairs: PairProblems, pair: int, action: int, one: float, two: f
     """Compare an action of these prices with the best values."""
     points = pairs.points
     for point in range(points):
-        worth = one * pairs._ratios[point] + two
-        if worth >= pairs._best[point]:
-            continue
-        for outcome in range(pairs.outcomes):
-            kept = pairs._kept[pair, action, outcome]
-            if kept > 0.0:
-                at = points + point + pairs._moves[pair, action, outcome]
-                part = pairs._parts[pair, action, outcome]
-                low, high = pairs._values[pair, at], pairs._values[pair, at + 1]
-                worth += kept * (low + part * (high - low))
-        if worth < pairs._best[point]:
-            pairs._best[point], pairs._choices[pair, point] = worth, action
+        pairs._next[point] = one * pairs._ratios[point] + two
+    for outcome in range(pairs.outcomes):
+        kept = pairs._kept[pair, action, outcome]
+        if kept > 0.0:
+            at = points + pairs._moves[pair, action, outcome]
+            high = kept * pairs._parts[pair, action, outcome]
+            low = kept - high
+            for point in range(points):
+                pairs._next[point] += (
+                    low * pairs._values[pair, at + point]
+                    + high * (pairs._values[pair, at + point + 1])
+                )
+    for point in range(points):
+        if pairs._next[point] < pairs._best[point]:
+            pairs._best[point], pairs._choices[pair, point] = pairs._next[point], action
 
 
 def settle(pairs: PairProblems, pair: int) -> float:
@@ -314,4 +317,6 @@ def pair_value(bounds: PairBounds, pair: int, at: float, one: float, two: float)
     point = int(at)
     high = (one / bounds.ratios[point] - two) / bounds.step
     high = min(two, max(0.0, high))
-    return (two - high) * bounds.values[pair, point] + high * bounds.values[pair, point + 1]
+    value: float = (two - high) * bounds.values[pair, point]
+    value += high * bounds.values[pair, point + 1]
+    return value
