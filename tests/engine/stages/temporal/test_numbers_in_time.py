@@ -10,12 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cellwright.engine.kernels.cancellation import never
 from cellwright.engine.model.temporal import NoPlanInTime, PlannedInTime
 from cellwright.engine.pipelines.planning.temporal_plans import (
     TimeEffort,
     check_timed_plan,
     plan_with_times,
 )
+from cellwright.engine.stages.temporal.grounding import ground_times
+from cellwright.engine.stages.temporal.portfolio import plan_over_time
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.conditions import Comparison, Literal
 from cellwright.kb.model.durative import (
@@ -154,16 +157,18 @@ def test_an_instance_begins_again_after_its_end(tmp_path: Path) -> None:
 NUMBERS = ("x", "y", "z")
 
 
-def numeric_problem(chance: random.Random) -> TemporalProblem:
+def numeric_problem(
+    chance: random.Random, signs: tuple[str, ...] = ("+", "-", "*", "/")
+) -> TemporalProblem:
     """Three actions that read and change three numbers, some without a value."""
 
     def amount() -> Term:
         number = Function(chance.choice(NUMBERS))
         constant = Number(chance.randint(0, 3))
-        return chance.choice((constant, number, Operation(chance.choice("+-*/"), constant, number)))
+        return chance.choice((constant, number, Operation(chance.choice(signs), constant, number)))
 
     def change() -> NumericChange:
-        kinds = ("assign", "increase", "decrease", "scale-up", "scale-down")
+        kinds = ("assign", "increase", "decrease", "scale-up", "scale-down")[: len(signs) + 1]
         return NumericChange(chance.choice(kinds), Function(chance.choice(NUMBERS)), amount())
 
     def test() -> Comparison:
@@ -212,6 +217,26 @@ def test_plans_with_numbers_are_right_and_no_bound_is_undercut(seed: int) -> Non
         assert not (outcome.proved and right)
     elif right:
         assert outcome.bound <= right.makespan
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=80, deadline=None)
+def test_where_numbers_are_whole_each_plan_of_the_search_is_right(seed: int) -> None:
+    problem = numeric_problem(random.Random(seed), ("+", "-", "*"))
+    try:
+        outcome = plan_over_time(ground_times(problem), never, most=100)
+    except InvalidInput:
+        return
+    assert outcome.plan is None or not check_timed_plan(problem, outcome.plan, "plan")
+
+
+def test_a_plan_that_only_rounded_numbers_allow_is_passed_over(tmp_path: Path) -> None:
+    parts = {
+        "condition": "(at start (<= (x) 0))",
+        "effect": "",
+        "helps": "(scale-down (x) 8)",
+    }
+    assert isinstance(outcome_of(tmp_path, **parts), NoPlanInTime)
 
 
 def right_plan(problem: TemporalProblem, chance: random.Random) -> TimedPlan | None:
