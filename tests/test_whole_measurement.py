@@ -250,6 +250,7 @@ def test_every_benchmark_is_a_part() -> None:
     # times beside other planners and checkers (docs/benchmarks.md)
     own = {
         "pddl_definition",
+        "robot_pddl",
         "robust_times",
         "routes",
         "temporal",

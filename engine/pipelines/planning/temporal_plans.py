@@ -37,7 +37,13 @@ def plan_with_times(
     """
     task = ground_times(problem)
     outcome = plan_over_time(
-        task, effort.interrupted, effort.seed, effort.thorough, effort.improved, effort.expansions
+        task,
+        effort.interrupted,
+        effort.seed,
+        effort.thorough,
+        effort.improved,
+        effort.expansions,
+        lambda plan: not task.numbers or not breaches(problem, plan),
     )
     if outcome.proved_none:
         return NoPlanInTime("the goal cannot be reached, whatever the times", True)

@@ -143,6 +143,9 @@ def _change(
         return
     instant.numbers_read.update(numbers_in(change.amount, own))
     ground = substitute_atom(change.fluent, own)
+    kinds = {kind for kind, number, _ in instant.updates if number == ground}
+    if kinds and not {*kinds, change.kind} <= {*ADDITIVE}:
+        instant.lacks.append(f"two changes of {ground} exclude each other")
     try:
         instant.updates.append((change.kind, ground, moments.amount(change.amount, own, duration)))
     except NoValue as lack:

@@ -1,7 +1,7 @@
 """Ground conditions as alternatives of literals and numeric tests; constant parts are evaluated."""
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
@@ -280,6 +280,14 @@ def calculated(sign: int, one: Fraction, two: Fraction) -> Fraction:
     if sign == MINUS:
         return one - two
     return one * two if sign == TIMES else one / two
+
+
+def clashing(updates: Sequence[NumericUpdate]) -> bool:
+    """Whether one instant changes a number twice, and not only by sums."""
+    kinds: dict[int, list[str]] = {}
+    for update in updates:
+        kinds.setdefault(update.number, []).append(update.kind)
+    return any(len(own) > 1 and not {*own} <= {"increase", "decrease"} for own in kinds.values())
 
 
 def constant(program: Program) -> Fraction | None:

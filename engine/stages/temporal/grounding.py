@@ -25,6 +25,7 @@ from cellwright.engine.stages.temporal.formulas import (
     Bindings,
     Conjunction,
     Surroundings,
+    clashing,
     constant,
     contradictory,
     negation,
@@ -234,13 +235,17 @@ class _Grounding:
         for at, group in itertools.groupby(self.problem.changes, key=lambda each: each.at):
             atoms: dict[Atom, bool] = {}
             updates: list[NumericUpdate] = []
-            for each in group:
+            events = list(group)
+            for each in events:
                 if isinstance(each.change, Literal):
                     atoms[each.change.atom] = (
                         atoms.get(each.change.atom, False) or each.change.positive
                     )
                 else:
                     updates.append(self._timed_update(each, each.change))
+            if clashing(updates):
+                said = f"two changes of one number at {decimals(at)} exclude each other"
+                raise InvalidInput([Diagnostic(events[0].where, "K802", said, "write one")])
             self.unset_later -= {update.number for update in updates}
             yield at, (atoms, updates)
 
@@ -524,7 +529,8 @@ class _Schema:
     def _effects(
         self, own: Bindings, happened: list[tuple[TimedEffect, Bindings]]
     ) -> tuple[dict[Moment, dict[Atom, bool]], dict[Moment, list[NumericUpdate]]] | None:
-        """What happens at each moment; None if it reads a number that never has a value.
+        """What happens at each moment; None if it reads a number that never has a value, or
+        changes one twice, and not only by sums.
 
         An atom that is both deleted and added at one instant is true afterwards.
         """
@@ -549,7 +555,7 @@ class _Schema:
             if program is None or number is None:
                 return None
             updates[effect.moment].append(NumericUpdate(change.kind, number, program))
-        return changes, updates
+        return None if any(map(clashing, updates.values())) else (changes, updates)
 
     def _with_length(self, draft: _Draft) -> _Draft:
         """The instance with its duration in place of `?duration`, where that is fixed."""

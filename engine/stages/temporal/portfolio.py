@@ -84,14 +84,18 @@ def plan_over_time(
     thorough: bool = False,
     improved: Callable[[TimedPlan], None] = lambda _: None,
     most: int = 10**9,
+    exact: Callable[[TimedPlan], bool] = lambda _: True,
 ) -> TimeOutcome:
     """The best plan found before `interrupted`, or, where the effort is not `thorough`, until
     nothing gets better.
+
+    The search rounds numbers; a plan that is not `exact` is passed over.
     """
     bound = shortest_makespan(task)
     if bound is None:
         return TimeOutcome(None, Fraction(0), proved_none=True)
-    return Turns(task, tables(task), bound, Poll(interrupted), seed, improved).run(thorough, most)
+    poll = Poll(interrupted)
+    return Turns(task, tables(task), bound, poll, seed, improved, exact).run(thorough, most)
 
 
 class Turns:
@@ -105,6 +109,7 @@ class Turns:
         poll: Poll,
         seed: int,
         improved: Callable[[TimedPlan], None],
+        exact: Callable[[TimedPlan], bool],
     ) -> None:
         self.task, self.arrays, self.bound, self.poll, self.improved = (
             task,
@@ -113,6 +118,7 @@ class Turns:
             poll,
             improved,
         )
+        self.exact = exact
         self.line, self.guide = Timeline(arrays.parts), TimedRelaxation(arrays.parts)
         self.search = InstantSearch(self.line, self.guide, poll)
         self.random = random.Random(seed)
@@ -177,8 +183,11 @@ class Turns:
         makespan = self.evaluate(codes)
         if makespan >= self.makespan:
             return False
+        plan = self.plan_of(codes)
+        if not self.exact(plan):
+            return False
         self.best, self.makespan = list(codes), makespan
-        self.improved(self.plan_of(self.best))
+        self.improved(plan)
         return True
 
     def evaluate(self, codes: Sequence[int]) -> int:
@@ -270,11 +279,11 @@ class Turns:
             self.counts["moves"] += 1
             other = self._moved(codes)
             value = self.evaluate(other)
-            if value < makespan or (value == makespan and self.random.random() < 0.5):
+            if value < makespan:
+                if self._take(other):
+                    codes, makespan = other, value
+            elif value == makespan and self.random.random() < 0.5:
                 codes = other
-                if value < makespan:
-                    makespan = value
-                    self._take(codes)
 
     def _moved(self, codes: list[int]) -> list[int]:
         other = list(codes)

@@ -257,7 +257,9 @@ class _Builder:
         early: list[list[int]] = []
         late: list[list[int]] = []
         for action, span in enumerate(self.task.spans):
-            tests = [parts.fact_of_test[test] for test in (*span.start.tests, *span.tests)]
+            changed = {update.number for update in span.start.updates}
+            before = [t for t in span.tests if not changed.intersection(_numbers(t.program))]
+            tests = [parts.fact_of_test[test] for test in (*span.start.tests, *before)]
             own = set(span.start.adds)
             held = [self.windows.needed(fact, span) for fact in span.holds if fact not in own]
             needs.append(sorted({*span.start.needs, *held, *tests}))

@@ -418,8 +418,8 @@ class Timeline(TemporalNetwork):
         return True
 
     def _follow_itself(self, action: int, start: int, end: int) -> None:
-        """An instance begins again only after its end: a plan is a set of steps, so two at one
-        time would be one.
+        """An instance begins again only after its end: what two of it at one time do is read
+        in different ways.
         """
         name = self.names[action]
         if self.last_start[name] >= 0:
