@@ -31,6 +31,8 @@ from cellwright.kb.store.table_schema import CURRENT_SCHEMA, NewerSchema, update
 
 BUSY_S = 60.0  # how long a SQLite writer waits for others
 MIGRATION, POSES, DRAFTS = 0x43656C6C, 0x43656C6D, 0x43656C6E  # keys of PostgreSQL's advisory locks
+# what SQLite says of a file or a text that somebody has spoiled
+DAMAGE_WORDS = ("is malformed", "Could not decode to UTF-8")
 POSTGRES_SCHEMES = ("postgres", "postgresql", "postgresql+psycopg")
 
 
@@ -49,7 +51,8 @@ def refused_by(error: Exception, where: str, message: str, hint: str) -> Invalid
     """The error for what a database has reported: `OutOfReach` if it could not do its work."""
     cause = getattr(error, "orig", None) or error
     said = " ".join(next(iter(str(cause).strip().splitlines()), "").split())[:200]
-    made = Diagnostic(Source(where), "K416", f"{message}: {said}", hint)
+    is_damage = isinstance(error, UnicodeDecodeError) or any(word in said for word in DAMAGE_WORDS)
+    made = Diagnostic(Source(where), "K422" if is_damage else "K416", f"{message}: {said}", hint)
     unable = isinstance(error, (OperationalError, sqlite3.OperationalError))
     return (OutOfReach if unable else InvalidInput)([made])
 
@@ -324,6 +327,8 @@ def open_engine(target: str, durable: bool = False) -> Engine:
     Raises `InvalidInput`.
     """
     engine = connect_engine(target)
+    if engine.dialect.name == "sqlite" and is_writable(engine):
+        _make_private_file(engine.url.database or "")
     _opened[target] = None
     if durable and engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _sync_commits)
@@ -336,6 +341,15 @@ def open_engine(target: str, durable: bool = False) -> Engine:
         engine.dispose()
         raise
     return engine
+
+
+def _make_private_file(file: str) -> None:
+    """Make the file of a new library so that only its owner can read it; SQLite gives the logs
+    beside it the same rights. What is there already, or cannot be made, is left as it is.
+    """
+    if file and file != ":memory:":
+        with contextlib.suppress(OSError, ValueError):
+            os.close(os.open(file, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600))
 
 
 class Database:

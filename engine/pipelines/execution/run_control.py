@@ -175,9 +175,20 @@ class RunExecution:
         except JournalFailure as error:
             self.driver.halt()
             course.outbox.clear()
+            self._tell_unwritten(course)
             return self._ending(
                 course, handler.scope, STOPPED, f"the journal cannot be written: {error}"
             )
+
+    def _tell_unwritten(self, course: RunLoop) -> None:
+        """Tell what was done that the journal does not hold, because it could not be written."""
+        self.steps += len(course.done)
+        self.story += [
+            f"done, and not in the journal: step {record.content['step']}, "
+            f"{record.content['action']}"
+            for record in self.recorder.waiting
+            if record.kind is RecordKind.DONE
+        ]
 
     def _state(self, course: RunLoop, handler: ExceptionHandler) -> dict[str, Any]:
         """What a checkpoint holds."""

@@ -152,5 +152,18 @@ def test_whatever_a_journal_without_digests_holds_it_is_read_or_refused(
     assert outcome_of(lambda: results_of(str(store), "r")) in ("K422", "read")
 
 
+def test_a_fact_that_no_predicate_declares_is_damage(stopped: Path, tmp_path: Path) -> None:
+    store = shutil.copy(stopped, tmp_path / "j.db")
+    with closing(sqlite3.connect(store)) as connection, connection:
+        row = "SELECT number, content FROM journal WHERE kind = 'done' ORDER BY number DESC"
+        number, text = connection.execute(row).fetchone()
+        content = json.loads(text)
+        content["adds"].append("nobody")
+        new = json.dumps(content)
+        connection.execute("UPDATE journal SET content = ? WHERE number = ?", (new, number))
+    with pytest.raises(InvalidInput, match="nobody is told of, and is no fact of the domain"):
+        resume_run(str(store), "r", TimedOrders(), unchained=True)
+
+
 def _never(*_: object) -> None:
     raise InvalidInput([Diagnostic(Source("here"), "made", "all was read")])
