@@ -290,6 +290,8 @@ def main() -> int:
                 if said:
                     wrong += 1
                     print(f"race {number} ({kind}): {said}", flush=True)
+                if number % 20 == 19:
+                    print(f"{number + 1} races, {wrong} wrong", flush=True)
     kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items())
     took = time.monotonic() - began
     print(f"{asked.database}: {asked.races} races ({kinds}) in {took:.0f} s, {wrong} wrong")

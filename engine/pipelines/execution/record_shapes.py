@@ -57,6 +57,11 @@ def is_number(value: object) -> bool:
     return real and math.isfinite(value) and abs(value) < MAX_TIME_MS  # type: ignore[arg-type]
 
 
+def is_share(value: object) -> bool:
+    """A finite number of 0 or more."""
+    return is_number(value) and isinstance(value, (int, float)) and value >= 0
+
+
 @lru_cache(1 << 14)
 def _is_atom_text(text: str) -> bool:
     try:
@@ -190,7 +195,7 @@ BEGINNING = {
     "command": is_text,
     "driver": is_text,
     "seed": is_time,
-    "factor": lambda value: is_number(value) and value >= 0,  # type: ignore[operator]
+    "factor": is_share,
     "options": map_of(is_text),
 }
 STEP = object_shape(

@@ -99,8 +99,9 @@ def newer_fence(answer: Mapping[str, Any], fence: int) -> int | None:
     does not refuse it for that.
     """
     newer = answer.get("fence")
-    is_number = isinstance(newer, int) and not isinstance(newer, bool)
-    return newer if answer.get("type") == "refused" and is_number and newer > fence else None
+    if answer.get("type") != "refused" or not isinstance(newer, int) or isinstance(newer, bool):
+        return None
+    return newer if newer > fence else None
 
 
 def read_reply(content: Mapping[str, Any], now_ms: int) -> Reply:

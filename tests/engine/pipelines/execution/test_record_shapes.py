@@ -28,7 +28,8 @@ from cellwright.engine.pipelines.execution.record_shapes import (
     DamagedRecord,
     read_record,
 )
-from cellwright.engine.pipelines.execution.run_journal import reading_past
+from cellwright.engine.pipelines.execution.run_journal import reading_past, trusting_past
+from cellwright.engine.pipelines.planning.plan_gate import InternalError
 from cellwright.engine.pipelines.simulators import Injection
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.store.journal import JournalLine
@@ -60,6 +61,17 @@ def test_our_own_mistakes_are_not_taken_for_damage() -> None:
             raise mistake
     with pytest.raises(InvalidInput, match="K422"), reading_past("j.db", "r"):
         raise DamagedRecord
+
+
+def test_what_follows_from_records_without_digests_is_no_mistake_of_ours() -> None:
+    refused = InternalError([Diagnostic(Source("plan"), "K501", "step 1 cannot be taken")])
+    with pytest.raises(InternalError), trusting_past("j.db", "r", is_proved=True):
+        raise refused
+    with (
+        pytest.raises(InvalidInput, match="K422.*does not fit together"),
+        trusting_past("j.db", "r", is_proved=False),
+    ):
+        raise refused
 
 
 @pytest.mark.parametrize(
