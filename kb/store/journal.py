@@ -123,7 +123,7 @@ class Journal(Database):
 
     def __init__(self, target: str, key: bytes | None = None) -> None:
         self._key = site_key() if key is None else key
-        super().__init__(target, durable=True)
+        super().__init__(target, durable=True, of_run=True)
         self._held: PoolProxiedConnection | None = None
         self._heads: dict[str, ChainHead | None] = {}  # None: a journal without a chain
         with open_transaction(self._engine, target, writes=True) as connection:

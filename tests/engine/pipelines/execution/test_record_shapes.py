@@ -68,7 +68,7 @@ def test_what_follows_from_records_without_digests_is_no_mistake_of_ours() -> No
     with pytest.raises(InternalError), trusting_past("j.db", "r", is_proved=True):
         raise refused
     with (
-        pytest.raises(InvalidInput, match="K422.*does not fit together"),
+        pytest.raises(InvalidInput, match=r"K422.*does not fit together"),
         trusting_past("j.db", "r", is_proved=False),
     ):
         raise refused
