@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
 
+from cellwright.engine.model.start_rules import NO_RULES, StartRules
 from cellwright.engine.model.time_limits import Stay
 from cellwright.engine.pipelines import planning
 from cellwright.engine.stages.execution import Activity, ActivityProgram, Dwell
@@ -19,7 +20,7 @@ from cellwright.kb.diagnostics import Diagnostic, InvalidInput
 from cellwright.kb.loader.problem_amounts import amounts_of
 from cellwright.kb.model.conditions import Literal, goal_parts
 from cellwright.kb.model.domain_model import Command, Domain, Operator
-from cellwright.kb.model.operator_amounts import NoAmount, step_of
+from cellwright.kb.model.operator_amounts import NoAmount, range_of_step, step_of
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem, reaches_stage
 from cellwright.kb.syntax import SECONDS_PER_UNIT
@@ -63,10 +64,11 @@ def compile_plan(
     stays: Iterable[Stay] = (),
     timed: bool = False,
     situation: Situation | None = None,
+    rules: StartRules = NO_RULES,
 ) -> CompiledProgram:
     """The program of a plan from the problem's initial state on.
 
-    Forecast starts count from `begin_ms`.
+    Forecast starts count from `begin_ms`. With the `rules` of a policy, steps begin by these.
     """
     unit = unit_ms(problem.domain)
     start = situation or initial_situation(problem)
@@ -75,6 +77,7 @@ def compile_plan(
     rests = resting_steps(problem, ordered, changes, start)
     operators = {operator.name: operator for operator in problem.domain.operators}
     hands, limits = hands_of(problem, ordered), ReplyLimits(problem)
+    longest = _longest_durations(problem, ordered)
     activities, expects, results = {}, {}, {}
     for step in sorted(ordered, key=lambda plan_step: starts[plan_step.id]):
         number, operator = int(step.id), operators.get(step.operator.name)
@@ -84,17 +87,38 @@ def compile_plan(
             results[number] = command.result
         begins = begin_ms + int(starts[step.id] * unit)
         activity = _activity_of(step, operator, command, begins, int(step.duration * unit))
-        activity = replace(activity, timeout_ms=limits.of_step(step, operator))
+        most = longest.get(step.id, 0)
+        activity = replace(activity, timeout_ms=limits.of_step(step, operator, most))
         process = bool(hands) and not hands.intersection(activity.resources)
-        activities[number] = replace(activity, rests=number in rests, process=process)
+        activities[number] = replace(
+            activity,
+            rests=number in rests,
+            process=process,
+            rule=rules[number].scaled(unit, begin_ms) if number in rules else None,
+        )
+        if step.id in longest:
+            activities[number] = replace(activities[number], longest_ms=int(most * unit))
     dwells = tuple(
         dict.fromkeys(
             Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms, s.thing, s.place)
             for s in stays
         )
     )
-    program = ActivityProgram(activities, dwells, timed, hands=hands)
+    program = ActivityProgram(activities, dwells, timed and not rules, hands=hands)
     return CompiledProgram(program, partial(_known_plan, plan), changes, expects, results)
+
+
+def _longest_durations(problem: Problem, steps: Sequence[Step]) -> dict[StepId, int]:
+    """How long steps may last that have ranges, in the domain's unit of time."""
+    varying = {operator.name for operator in problem.domain.operators if operator.varies}
+    if not varying:
+        return {}
+    amounts = planning.PlanGate().semantics(problem).amounts
+    return {
+        step.id: range_of_step(amounts, step).most
+        for step in steps
+        if step.operator.name in varying
+    }
 
 
 def _known_plan(plan: Plan) -> Plan:
@@ -137,19 +161,20 @@ class ReplyLimits:
         self.domain, self.unit = problem.domain, unit_ms(problem.domain)
         self._amounts = amounts_of(problem)
 
-    def of_step(self, step: Step, operator: Operator | None) -> int:
-        """The limit of a step. Raises `InvalidInput` if its `timeout` cannot be told, or is less
-        than the step lasts.
+    def of_step(self, step: Step, operator: Operator | None, longest: int = 0) -> int:
+        """The limit of a step, which lasts as planned, or at the `longest` so long. Raises
+        `InvalidInput` if its `timeout` cannot be told, or is less than the step lasts.
         """
+        lasts = max(step.duration, longest)
         if operator is None or operator.timeout is None:
-            return self.of_forecast(int(step.duration * self.unit))
+            return self.of_forecast(int(lasts * self.unit))
         bindings = dict(zip(operator.variables, step.operator.arguments, strict=True))
         try:
             limit = self._amounts.of(operator.timeout, bindings, 0)
         except NoAmount as error:
             message = f"the time limit of {step.operator} cannot be told: {error}"
             raise InvalidInput([Diagnostic(operator.where, "K115", message, error.hint)]) from None
-        if limit <= 0 or limit < step.duration:
+        if limit <= 0 or limit < lasts:
             message = f"{step.operator} is given up before it can end: after {limit}"
             hint = "`timeout` is at least the duration, and more than 0"
             raise InvalidInput([Diagnostic(operator.where, "K113", message, hint)])
@@ -177,9 +202,12 @@ def activity_alone(problem: Problem, step: Step) -> tuple[Activity, Term]:
 def with_queues(compiled: CompiledProgram, lookahead: Callable[[str], int]) -> CompiledProgram:
     """The program with the queues that devices have.
 
-    `lookahead` tells how many commands a stream takes at once.
+    `lookahead` tells how many commands a stream takes at once. A program that follows a policy
+    sends each command when it may begin: a device that begins by itself knows no policy.
     """
     program = compiled.program
+    if program.follows_rules:
+        return compiled
     streams = {a.stream for a in program.activities.values() if not a.process}
     depths = {stream: lookahead(stream) for stream in sorted(streams)}
     queues = {stream: depth for stream, depth in depths.items() if depth > 1}

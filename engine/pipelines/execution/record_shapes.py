@@ -198,6 +198,7 @@ BEGINNING = {
     "factor": is_share,
     "options": map_of(is_text),
 }
+LAGS = list_of(row_of(is_count, is_time))
 STEP = object_shape(
     {"id": is_count, "step": is_atom, "stream": is_text, "expects": is_pattern},
     says=is_text,
@@ -206,6 +207,8 @@ STEP = object_shape(
     start_ms=is_time,
     lasts_ms=is_time,
     timeout_ms=OPTIONAL_TIME,
+    longest_ms=OPTIONAL_TIME,
+    rule=row_of(is_time, LAGS, LAGS, LAGS),
     result=is_pattern,
     asks=is_flag,
     rests=is_flag,

@@ -41,7 +41,7 @@ class ServedCell:
     driver: "Conversation | None" = None  # that with the host which was greeted last
 
     def serve(self, run: str) -> Simulator:
-        """The cell of a run. Raises `Garbage` if it serves another."""
+        """The cell of a run. Raises `MalformedLine` if it serves another."""
         if self.simulator is None:
             self.setup = replace(self.setup, run=run)
             self.simulator = simulated_driver(replace(self.setup, factor=0.0))
@@ -65,7 +65,7 @@ class ServedCell:
         return messages
 
     def now(self) -> Simulator:
-        """The cell that has been greeted. Raises `Garbage`."""
+        """The cell that has been greeted. Raises `MalformedLine`."""
         if self.simulator is None:
             raise MalformedLine("say hello first")
         return self.simulator
