@@ -202,8 +202,11 @@ class Race:
         """One stands still while it drives; the other takes the run up; then the first goes on."""
         first, second = self.chance.sample(self.hosts, 2)
         first.commands.send(("begin", self.wanted(server), 0.0))
-        until = time.time() + self.chance.uniform(0.15, 0.9)
+        began = time.time()
+        until = began + self.chance.uniform(0.15, 0.9)
         while time.time() < until or not any(type_ == "send" for _, type_, _ in server.said):
+            if time.time() > began + PATIENCE_S:
+                return "the first one is silent"
             if first.commands.poll():
                 return "" if str(first.commands.recv()).startswith("reached") else "it never drove"
             time.sleep(0.001)
@@ -212,7 +215,7 @@ class Race:
         try:
             second.commands.send(("resume", self.wanted(server), 0.0))
             while not any(other != fence for other, _, _ in list(server.said)):
-                if second.commands.poll():
+                if second.commands.poll() or time.time() > began + PATIENCE_S:
                     break
                 time.sleep(0.001)
         finally:
@@ -272,6 +275,7 @@ def main() -> int:
     parser.add_argument("--races", type=int, default=200)
     parser.add_argument("--database", choices=("sqlite", "postgresql"), default="sqlite")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--tell", type=int, default=20, help="races between two lines")
     asked = parser.parse_args()
     problem, began = problem_of(TARGET), time.monotonic()
     ready = first_plan(problem)
@@ -290,6 +294,9 @@ def main() -> int:
                 if said:
                     wrong += 1
                     print(f"race {number} ({kind}): {said}", flush=True)
+                if number % asked.tell == asked.tell - 1:
+                    passed = time.monotonic() - began
+                    print(f"{number + 1} races in {passed:.0f} s, {wrong} wrong", flush=True)
     kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items())
     took = time.monotonic() - began
     print(f"{asked.database}: {asked.races} races ({kinds}) in {took:.0f} s, {wrong} wrong")

@@ -41,7 +41,7 @@ from cellwright.engine.pipelines.execution import (
 )
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 
-TARGETS = ("themse/one", "bulkhead/one_point", "bulkhead/both_tools")
+TARGETS = ("themse/one", "bulkhead/one_point")
 FAULTS = ("pick=not_gripped", "", "pick#2=not_gripped")
 STOP_MS = 60_000  # of the run's clock: then it is stopped, and taken up again
 MAX_GROWTH = 1.05  # of memory

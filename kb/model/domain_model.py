@@ -190,7 +190,7 @@ class Operator:
 
     @property
     def amounts(self) -> tuple[Term, ...]:
-        """The terms that amount to its durations, its cost and its time limit."""
+        """The terms that amount to its durations, its time limit and its cost."""
         terms = (self.duration, self.cost, self.timeout)
         own = tuple(term for term in terms if term is not None)
         return own if self.varies is None else (*own, *self.varies.terms)

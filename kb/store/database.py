@@ -29,8 +29,13 @@ from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import is_file
 from cellwright.kb.store.table_schema import CURRENT_SCHEMA, NewerSchema, update_schema, version_of
 
+# after so long PostgreSQL ends a transaction of a run whose process does not go on: it may have
+# stopped, or be cut off, while it held the row that the next driver needs
+IDLE_TRANSACTION_S = 5
 BUSY_S = 60.0  # how long a SQLite writer waits for others
 MIGRATION, POSES, DRAFTS = 0x43656C6C, 0x43656C6D, 0x43656C6E  # keys of PostgreSQL's advisory locks
+# what SQLite says of a file or a text that somebody has spoiled
+DAMAGE_WORDS = ("is malformed", "Could not decode to UTF-8")
 POSTGRES_SCHEMES = ("postgres", "postgresql", "postgresql+psycopg")
 
 
@@ -49,7 +54,8 @@ def refused_by(error: Exception, where: str, message: str, hint: str) -> Invalid
     """The error for what a database has reported: `OutOfReach` if it could not do its work."""
     cause = getattr(error, "orig", None) or error
     said = " ".join(next(iter(str(cause).strip().splitlines()), "").split())[:200]
-    made = Diagnostic(Source(where), "K416", f"{message}: {said}", hint)
+    is_damage = isinstance(error, UnicodeDecodeError) or any(word in said for word in DAMAGE_WORDS)
+    made = Diagnostic(Source(where), "K422" if is_damage else "K416", f"{message}: {said}", hint)
     unable = isinstance(error, (OperationalError, sqlite3.OperationalError))
     return (OutOfReach if unable else InvalidInput)([made])
 
@@ -314,19 +320,24 @@ def fallback_engine(target: str, error: InvalidInput) -> Engine:
     return engine
 
 
-def open_engine(target: str, durable: bool = False) -> Engine:
+def open_engine(target: str, durable: bool = False, of_run: bool = False) -> Engine:
     """The engine of a database, given by a file or a URL, with all tables. A file that cannot be
     written is only read.
 
     What is committed survives a loss of power if it is `durable`; if not, SQLite may lose the last
-    commits, and nothing else.
+    commits, and nothing else. Transactions of a run (`of_run`) are ended by PostgreSQL if nothing
+    comes of them for some seconds.
 
     Raises `InvalidInput`.
     """
     engine = connect_engine(target)
+    if engine.dialect.name == "sqlite" and is_writable(engine):
+        _make_private_file(engine.url.database or "")
     _opened[target] = None
     if durable and engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _sync_commits)
+    if of_run and engine.dialect.name == "postgresql":
+        event.listen(engine, "connect", _end_idle_transactions)
     try:
         if is_writable(engine):
             _prepare_schema(engine, target)
@@ -338,15 +349,25 @@ def open_engine(target: str, durable: bool = False) -> Engine:
     return engine
 
 
+def _make_private_file(file: str) -> None:
+    """Make the file of a new library so that only its owner can read it; SQLite gives the logs
+    beside it the same rights. What is there already, or cannot be made, is left as it is.
+    """
+    if file and file != ":memory:":
+        with contextlib.suppress(OSError, ValueError):
+            os.close(os.open(file, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600))
+
+
 class Database:
     """A database, given by a file or a URL. Its connections are closed at the end of a `with`.
     Raises `InvalidInput`.
 
-    What is committed survives a loss of power if it is `durable`.
+    What is committed survives a loss of power if it is `durable`. It may be that `of_run`, as
+    `open_engine` says.
     """
 
-    def __init__(self, target: str, durable: bool = False) -> None:
-        self.target = target
+    def __init__(self, target: str, durable: bool = False, of_run: bool = False) -> None:
+        self.target, self._of_run = target, of_run
         self._engine = self._opened(durable)
 
     def __enter__(self) -> Self:
@@ -365,7 +386,7 @@ class Database:
         self._engine.dispose()
 
     def _opened(self, durable: bool) -> Engine:
-        return open_engine(self.target, durable)
+        return open_engine(self.target, durable, self._of_run)
 
 
 @contextlib.contextmanager
@@ -385,6 +406,12 @@ def existing_engine(store: str) -> Iterator[Engine]:
         yield engine
     finally:
         engine.dispose()
+
+
+def _end_idle_transactions(raw: Any, _record: object) -> None:
+    with raw.cursor() as cursor:
+        cursor.execute(f"SET idle_in_transaction_session_timeout = '{IDLE_TRANSACTION_S}s'")
+    raw.commit()
 
 
 def _sync_commits(raw: Any, _record: object) -> None:

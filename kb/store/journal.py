@@ -123,7 +123,7 @@ class Journal(Database):
 
     def __init__(self, target: str, key: bytes | None = None) -> None:
         self._key = site_key() if key is None else key
-        super().__init__(target, durable=True)
+        super().__init__(target, durable=True, of_run=True)
         self._held: PoolProxiedConnection | None = None
         self._heads: dict[str, ChainHead | None] = {}  # None: a journal without a chain
         with open_transaction(self._engine, target, writes=True) as connection:
@@ -228,11 +228,12 @@ class Journal(Database):
         if held is not None:
             held.invalidate()
 
-    def require_whole(self, run: str, unchained: bool = False) -> None:
+    def require_whole(self, run: str, unchained: bool = False) -> bool:
         """Prove that nothing of a journal was changed, exchanged or left out since it was written.
 
         A journal that has no chain, because an older version began it, is accepted if the caller
-        says so; its numbers have no gaps then. Raises `InvalidInput`.
+        says so; its numbers have no gaps then. Returns whether it has a chain. Raises
+        `InvalidInput`.
         """
         with open_transaction(at_one_moment(self._engine), self.target) as connection:
             proved = journal_proof(connection, run, self._key)
@@ -244,6 +245,7 @@ class Journal(Database):
             message = f"the journal of run '{run}' has no digests: an older version began it"
             hint = "--unchained goes on with it: then only its numbers are checked"
             raise store_refusal(self.target, message, hint, "K421")
+        return proved.chained
 
     def run(self, name: str) -> Begun | None:
         """The run of this name; None if there is none."""

@@ -163,7 +163,7 @@ class RunLease(Database):
         clock: Callable[[], float] = elapsed_s,
     ) -> None:
         refuse_network_drive(store)
-        super().__init__(store)
+        super().__init__(store, of_run=True)
         self.run, self.pace, self.clock = run, pace, clock
         self.fence = 0
         self._lost = self._closed = False

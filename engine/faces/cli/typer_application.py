@@ -10,7 +10,13 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from cellwright.engine.faces.cli.output.answer_output import refuse_command_line, writing_output
-from cellwright.engine.faces.cli.verb_table import VERBS, VERBS_FOR, limit_verb, load_verb
+from cellwright.engine.faces.cli.verb_table import (
+    VERBS,
+    VERBS_FOR,
+    has_limits,
+    limit_verb,
+    load_verb,
+)
 from cellwright.engine.faces.cli.wrong_options import WRONG
 
 OPTIONS_FOR = {
@@ -156,7 +162,8 @@ class _LazyCommands(MutableMapping[str, Any]):
 
 def _limit_commands(group: typer.Typer, name: str) -> None:
     for command in group.registered_commands:
-        if command.callback is not None:
+        # a group may be made again in one process, and its verbs have their limits then
+        if command.callback is not None and not has_limits(command.callback):
             command.callback = limit_verb(command.callback, f"{name} {command.name}")
     for registered_group in group.registered_groups:
         if registered_group.typer_instance is not None:

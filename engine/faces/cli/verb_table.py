@@ -195,6 +195,11 @@ def run_limited(verb: Callable[..., None], name: str, options: Mapping[str, Any]
         )
 
 
+def has_limits(verb: Callable[..., None]) -> bool:
+    """Whether a verb came from `limit_verb`."""
+    return getattr(verb, "has_limits", False)
+
+
 def limit_verb(verb: Callable[..., None], name: str) -> Callable[..., None]:
     """The verb as typer takes it, with its own parameters and those limits that are not among
     them.
@@ -210,6 +215,7 @@ def limit_verb(verb: Callable[..., None], name: str) -> Callable[..., None]:
     def run(**options: Any) -> None:
         run_limited(verb, name, options)
 
+    run.has_limits = True  # type: ignore[attr-defined]
     taken = [*signature.parameters.values(), *limits]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in taken}
     run.__signature__ = signature.replace(parameters=taken)  # type: ignore[attr-defined]

@@ -57,6 +57,11 @@ def is_number(value: object) -> bool:
     return real and math.isfinite(value) and abs(value) < MAX_TIME_MS  # type: ignore[arg-type]
 
 
+def is_share(value: object) -> bool:
+    """A finite number of 0 or more."""
+    return is_number(value) and isinstance(value, (int, float)) and value >= 0
+
+
 @lru_cache(1 << 14)
 def _is_atom_text(text: str) -> bool:
     try:
@@ -190,9 +195,10 @@ BEGINNING = {
     "command": is_text,
     "driver": is_text,
     "seed": is_time,
-    "factor": lambda value: is_number(value) and value >= 0,
+    "factor": is_share,
     "options": map_of(is_text),
 }
+LAGS = list_of(row_of(is_count, is_time))
 STEP = object_shape(
     {"id": is_count, "step": is_atom, "stream": is_text, "expects": is_pattern},
     says=is_text,
@@ -201,6 +207,8 @@ STEP = object_shape(
     start_ms=is_time,
     lasts_ms=is_time,
     timeout_ms=OPTIONAL_TIME,
+    longest_ms=OPTIONAL_TIME,
+    rule=row_of(is_time, LAGS, LAGS, LAGS),
     result=is_pattern,
     asks=is_flag,
     rests=is_flag,

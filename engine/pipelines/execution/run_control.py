@@ -183,6 +183,8 @@ class RunExecution:
             return self._end(course, handler.scope, STOPPED, over.turn.why)
         except JournalFailure as error:
             come_to_rest(course, halts=True)
+            course.outbox.clear()
+            self._tell_unwritten(course)
             return self._ending(
                 course, handler.scope, STOPPED, f"the journal cannot be written: {error}"
             )
@@ -206,6 +208,16 @@ class RunExecution:
             ending = self._ending(course, handler.scope, STOPPED, why)
             self.recorder.note(RecordKind.END, **end_entry(ending))
             self.recorder.commit()
+
+    def _tell_unwritten(self, course: RunLoop) -> None:
+        """Tell what was done that the journal does not hold, because it could not be written."""
+        self.steps += len(course.done)
+        self.story += [
+            f"done, and not in the journal: step {record.content['step']}, "
+            f"{record.content['action']}"
+            for record in self.recorder.waiting
+            if record.kind is RecordKind.DONE
+        ]
 
     def _state(self, course: RunLoop, handler: ExceptionHandler) -> dict[str, Any]:
         """What a checkpoint holds."""

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
 from cellwright.engine.pipelines.execution.record_shapes import DamagedRecord, read_record
+from cellwright.engine.pipelines.planning.plan_gate import InternalError
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.store.journal import JournalLine
 
@@ -95,6 +96,23 @@ def reading_past(store: str, run: str) -> Iterator[None]:
         reason = f"the journal of run '{run}' says what no run writes: {error}"
         hint = "`cellwright store restore BACKUP --replace` puts a backup in its place"
         raise InvalidInput([Diagnostic(Source(store), "K422", reason[:200], hint)]) from error
+
+
+@contextmanager
+def trusting_past(store: str, run: str, is_proved: bool) -> Iterator[None]:
+    """A context that goes on from the records of a run. Of records that are not proved to be as
+    they were written, what follows from them is no mistake of ours.
+
+    Raises `InvalidInput` if plans that follow from them are refused by the checker.
+    """
+    try:
+        yield
+    except InternalError as error:
+        if is_proved:
+            raise
+        said = str(error).splitlines()[-1]
+        with reading_past(store, run):
+            raise DamagedRecord(f"it does not fit together: {said}") from error
 
 
 def read_records(store: str, run: str, lines: Iterable[JournalLine]) -> Iterator[JournalRecord]:

@@ -280,6 +280,12 @@ class PastRun:
         steps = {entry["step"] for entry, _ in self.under_way().values()} | set(self.done)
         if strange := sorted(steps - set(self.steps_by_number)):
             raise DamagedRecord(f"step {strange[0]} is told of, and is not in the plan")
+        domain = self.scope.problem.domain
+        for fact in self.world.facts:
+            known = domain.predicates.get(fact.name)
+            fits = known is not None and len(known.arguments) == len(fact.arguments)
+            if not fits and fact.name not in domain.quantities:
+                raise DamagedRecord(f"{fact} is told of, and is no fact of the domain")
         for chain in self.world.chains:
             if self.world.reached[chain.name] > max(len(chain.stages), 0):
                 raise DamagedRecord(f"more stages of {chain.name} are reached than there are")

@@ -8,6 +8,7 @@ import os
 import queue
 import socket
 import stat
+import struct
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -195,6 +196,9 @@ class OrderChannel:
                 caller, _ = server.accept()
             except OSError:
                 return
+            if not _is_own_peer(caller):
+                caller.close()
+                continue
             threading.Thread(target=self._converse, args=(caller,), daemon=True).start()
 
     def _converse(self, caller: socket.socket) -> None:
@@ -278,11 +282,23 @@ def _ask_process(
         line.settimeout(SOCKET_TIMEOUT_S)
         try:
             line.connect(str(place))
+            if not _is_own_peer(line):
+                return None
             line.sendall((json.dumps({"order": order, "text": text, "who": who}) + "\n").encode())
             answer = parse_json(_read_line(line))
         except (OSError, ValueError):
             return None
     return answer if isinstance(answer, dict) and "run" in answer and "store" in answer else None
+
+
+def _is_own_peer(line: socket.socket) -> bool:
+    """Whether the other end is a process of this user or of root, as far as the system tells."""
+    option = getattr(socket, "SO_PEERCRED", None)
+    if option is None:
+        return True
+    told = line.getsockopt(socket.SOL_SOCKET, option, struct.calcsize("3i"))
+    _, user, _ = struct.unpack("3i", told)
+    return user in (0, os.getuid())
 
 
 def _read_line(line: socket.socket) -> str:

@@ -41,6 +41,7 @@ from cellwright.engine.pipelines.execution.run_journal import (
     Watcher,
     read_records,
     reading_past,
+    trusting_past,
 )
 from cellwright.engine.pipelines.execution.run_resumption import PastRun
 from cellwright.engine.pipelines.inspection.spoilt_values import spoilt_in
@@ -328,7 +329,7 @@ def resume_run(
         with reading_past(store, run):
             require_beginning(about)
         lease = stack.enter_context(taken_lease(store, run))
-        journal.require_whole(run, unchained)
+        is_proved = journal.require_whole(run, unchained)
         problem = _read_problem(
             *(str(about.get(key, "")) for key in ("target", "goals", "command"))
         )
@@ -365,7 +366,8 @@ def resume_run(
             execution = RunExecution(
                 run, past.whole, run_driver, recorder, orders, base, limits, paths=paths, rest=rest
             )
-            ending = execution.resume(past)
+            with trusting_past(store, run, is_proved):
+                ending = execution.resume(past)
             return _clear_log(
                 RunRequest("", store=store, run=run, options=about["options"]), ending
             )

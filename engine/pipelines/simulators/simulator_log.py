@@ -1,6 +1,7 @@
 """Log of a simulator as JSON lines: what it was told and did, so that it survives its process."""
 
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -67,7 +68,10 @@ class SimulatorLog:
                     yield sent
             yield SentMessage(latest)
         self._repeats = False
-        self._out = Path(self.file).open("a", encoding="utf-8")  # noqa: SIM115 - open as long as the run
+        # open as long as the run, and only for its owner
+        self._out = os.fdopen(
+            os.open(self.file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600), "a", encoding="utf-8"
+        )
         self._out.write("\n" if latest else "")
 
     def sent(self, at_ms: int, commands: Sequence[DriverCommand]) -> None:

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sqlalchemy import text
 
+from benchmarks.postgres import emptied
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Journal, JournalFailure, JournalLine, LeaseLost
 from cellwright.kb.store.network_drives import network_drive
@@ -89,6 +91,21 @@ def test_what_the_former_driver_appends_is_refused(target: str) -> None:
             journal.append("r", [JournalLine(2, 0, "command")], second.fence)
             assert journal.last("r") == 2
         first.close()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("elsewhere")
+def test_a_host_that_stands_still_in_a_transaction_holds_nobody_up(postgres: str) -> None:
+    """The server ends the transaction, and with it the lock of the row."""
+    emptied(postgres)
+    first = taken(postgres)
+    first.stop_beat()
+    with first._engine.connect() as connection:
+        connection.execute(text("UPDATE run_leases SET beat = beat + 1"))
+        with taken(postgres) as second:
+            assert second.fence > first.fence
+        connection.invalidate()
+    first.close()
 
 
 def test_a_database_that_is_gone_is_no_reason_to_go_on(

@@ -28,7 +28,8 @@ from cellwright.engine.pipelines.execution.record_shapes import (
     DamagedRecord,
     read_record,
 )
-from cellwright.engine.pipelines.execution.run_journal import reading_past
+from cellwright.engine.pipelines.execution.run_journal import reading_past, trusting_past
+from cellwright.engine.pipelines.planning.plan_gate import InternalError
 from cellwright.engine.pipelines.simulators import Injection
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.store.journal import JournalLine
@@ -60,6 +61,17 @@ def test_our_own_mistakes_are_not_taken_for_damage() -> None:
             raise mistake
     with pytest.raises(InvalidInput, match="K422"), reading_past("j.db", "r"):
         raise DamagedRecord
+
+
+def test_what_follows_from_records_without_digests_is_no_mistake_of_ours() -> None:
+    refused = InternalError([Diagnostic(Source("plan"), "K501", "step 1 cannot be taken")])
+    with pytest.raises(InternalError), trusting_past("j.db", "r", is_proved=True):
+        raise refused
+    with (
+        pytest.raises(InvalidInput, match=r"K422.*does not fit together"),
+        trusting_past("j.db", "r", is_proved=False),
+    ):
+        raise refused
 
 
 @pytest.mark.parametrize(
@@ -150,6 +162,19 @@ def test_whatever_a_journal_without_digests_holds_it_is_read_or_refused(
         said = outcome_of(lambda: resume_run(str(store), "r", TimedOrders(), unchained=True))
     assert said in ("K422", "made"), said
     assert outcome_of(lambda: results_of(str(store), "r")) in ("K422", "read")
+
+
+def test_a_fact_that_no_predicate_declares_is_damage(stopped: Path, tmp_path: Path) -> None:
+    store = shutil.copy(stopped, tmp_path / "j.db")
+    with closing(sqlite3.connect(store)) as connection, connection:
+        row = "SELECT number, content FROM journal WHERE kind = 'done' ORDER BY number DESC"
+        number, text = connection.execute(row).fetchone()
+        content = json.loads(text)
+        content["adds"].append("nobody")
+        new = json.dumps(content)
+        connection.execute("UPDATE journal SET content = ? WHERE number = ?", (new, number))
+    with pytest.raises(InvalidInput, match="nobody is told of, and is no fact of the domain"):
+        resume_run(str(store), "r", TimedOrders(), unchained=True)
 
 
 def _never(*_: object) -> None:
