@@ -145,7 +145,7 @@ def _reply_when_late(course: RunLoop, command: DriverCommand) -> str:
 
 def _hear_orders(course: RunLoop, command: DriverCommand) -> str | None:
     """What a person answers to a command that asks one; None if nobody has answered. Raises
-    `Ended`.
+    `RunEnded`.
     """
     for given_order in course.orders.due(course.driver.now_ms()):
         course.recorder.note(RecordKind.ORDER, **given_order.content())
