@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 findings:
 	missed=0; for script in findings/*.sh; do echo "$$script"; bash "$$script" || missed=1; done; exit $$missed
 
-.PHONY: findings demo robust test slow laws long check golden bench faults races damage soak endings fuzz definition mutation site wheel clean
+.PHONY: findings demo robust test slow laws long check golden bench faults races damage soak endings misbehaviour fuzz definition mutation site wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -106,6 +106,10 @@ TIMES ?= 200
 
 endings: $(VENV)/ready
 	$(BIN)/python benchmarks/endings.py --times $(TIMES) --seed $(SEED) --kept .venv/endings-$(SEED).jsonl
+
+# What controllers can do wrong, over TCP and standard streams; it goes on where it stopped.
+misbehaviour: $(VENV)/ready
+	$(BIN)/python benchmarks/misbehaviour.py --kept .venv/misbehaviour.jsonl
 
 # Mutated inputs for every reader; it goes on where it stopped. MINUTES=60 SEED=2 make fuzz
 MINUTES ?= 10

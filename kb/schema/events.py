@@ -111,7 +111,7 @@ class TroubleEvent(_Event):
     """Something is wrong with the connection to the controller."""
 
     kind: Literal["trouble"] = Field(description="what happened")
-    trouble: str = Field(description="lost, garbage, repeated, strange or late")
+    trouble: str = Field(description="lost, garbage, repeated, strange, late or clock")
     text: str = Field(description="what it was")
     command: Number = None
 

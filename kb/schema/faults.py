@@ -39,7 +39,11 @@ class ExceptionEntry(Strict):
     of: Expression | None = Field(
         None, description="the operator that is interrupted: us_measure(Tool, Arm, Id)"
     )
-    reply: str = Field("timeout", description="the exceptional reply; `timeout` if no reply comes")
+    reply: str = Field(
+        "timeout",
+        description="the exceptional reply; `timeout` if no reply comes, `outcome_unknown` "
+        "if nobody knows how the step ended",
+    )
     causes: dict[str, WholeNumber] = Field(
         min_length=1, description="cause: how often it was the cause of this exception"
     )

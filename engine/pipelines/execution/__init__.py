@@ -63,13 +63,13 @@ else:
                 "ReadyPlan",
                 "first_plan",
             ),
-            ".learned_durations": (
-                "learn_durations",
-                "with_learned_durations",
-            ),
             ".cell_rest": (
                 "REST_MS",
                 "halt_open_drivers",
+            ),
+            ".learned_durations": (
+                "learn_durations",
+                "with_learned_durations",
             ),
             ".operator_orders": (
                 "GivenOrder",

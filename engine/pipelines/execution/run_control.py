@@ -183,7 +183,6 @@ class RunExecution:
             return self._end(course, handler.scope, STOPPED, over.turn.why)
         except JournalFailure as error:
             come_to_rest(course, halts=True)
-            course.outbox.clear()
             self._tell_unwritten(course)
             return self._ending(
                 course, handler.scope, STOPPED, f"the journal cannot be written: {error}"

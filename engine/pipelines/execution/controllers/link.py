@@ -36,6 +36,7 @@ EVENT_BYTES, VALUE_BYTES = 500, 100  # about the memory of an event, and of a va
 READ_BYTES = 2**16
 UNASKED_TYPES = ("reply", "part")  # they come by themselves, whatever other keys they have
 AGAIN_S = 0.1  # between two attempts to connect
+BEGIN_LOOK_S = 0.05  # between two looks whether a controller has begun
 ROOM_S = 0.02  # between two looks whether there is room
 
 
@@ -142,18 +143,32 @@ class ControllerLink:
         """Ask the controller, and wait for its answer, for `more_s` longer than usual. Raises
         `NoAnswer`.
         """
-        patience = (self.patience.answer_s if self._spoke else self.patience.begin_s) + more_s
         number = next(self._numbers)
         answer: futures.Future[dict[str, Any]] = futures.Future()
         self._asked[number] = (type_, answer)
         try:
             line = protocol_line(type_, id=number, **self._fenced, **content)
             self._call(self._write, line)
-            return answer.result(patience)
-        except futures.TimeoutError:
-            raise NoTimelyAnswer(f"no answer to `{type_}` within {patience:g} s") from None
+            return self._await(answer, type_, more_s)
         finally:
             self._asked.pop(number, None)
+
+    def _await(
+        self, answer: futures.Future[dict[str, Any]], type_: str, more_s: float
+    ) -> dict[str, Any]:
+        """The answer. A controller that has never said anything may still be about to begin; one
+        that says something, and be it nonsense, has begun. Raises `NoTimelyAnswer`.
+        """
+        if not self._spoke:
+            end = time.monotonic() + self.patience.begin_s
+            while not self._spoke and not answer.done() and time.monotonic() < end:
+                futures.wait([answer], BEGIN_LOOK_S)
+        patience = more_s + (self.patience.answer_s if self._spoke else 0.0)
+        try:
+            return answer.result(patience)
+        except futures.TimeoutError:
+            waited = patience if self._spoke else self.patience.begin_s
+            raise NoTimelyAnswer(f"no answer to `{type_}` within {waited:g} s") from None
 
     def _call(self, function: Callable[..., None], *arguments: Any) -> None:
         """Call a function in the thread of the link. Raises `NoAnswer` if that has ended."""
@@ -303,10 +318,11 @@ class ControllerLink:
             self.inbox.put(UnreadableLine(str(error)))
             return
         number = message.get("id")
-        is_asked = isinstance(number, int) and not isinstance(number, bool)
-        if message["type"] == "alive" and is_asked and number == 0:
+        if not isinstance(number, int) or isinstance(number, bool):
+            number = None
+        if message["type"] == "alive" and number == 0:
             return
-        asked = self._asked.get(int(number)) if number is not None and is_asked else None
+        asked = None if number is None else self._asked.get(number)
         if asked is None or message["type"] in UNASKED_TYPES:
             values = text.count(b",") + text.count(b"[") + text.count(b"{")
             self.inbox.put(MessageCame(message, len(text) + VALUE_BYTES * values))

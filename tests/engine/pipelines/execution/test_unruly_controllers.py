@@ -326,3 +326,13 @@ def test_a_controller_whose_greeting_cannot_be_used_is_told_to_halt(
         ControllerDriver(server.place, HURRY, "odd")
     server.close()
     assert heard == ["ready", "halted"]
+
+
+def test_a_greeting_that_cannot_be_read_is_not_waited_for_as_for_a_controller_that_begins(
+    planned: tuple[Problem, Outcome],
+) -> None:
+    server = Server(planned[0], lambda _, lines: [b"nonsense\n"] * len(lines))
+    patience = Patience(begin_s=3_600, answer_s=0.2, heartbeat_s=1, reconnect_s=0)
+    with pytest.raises(InvalidInput, match="K425"):
+        ControllerDriver(server.place, patience, "odd")
+    server.close()
