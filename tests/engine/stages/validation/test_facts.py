@@ -110,7 +110,10 @@ def test_a_large_predicate_is_read_only_if_much_of_it_is_asked_for(size: int) ->
 
 
 def test_a_state_that_nobody_keeps_is_gone_at_once() -> None:
-    facts = CompletedFacts(PAIRS, CheckerFacts(), ["r"], lambda own, name: own.settle({name}))
+    def complete(facts: CompletedFacts, name: str) -> None:
+        facts.settle({name})
+
+    facts = CompletedFacts(PAIRS, CheckerFacts(), ["r"], complete)
     assert PAIRS[0] in facts
     gone = weakref.ref(facts)
     del facts
