@@ -114,6 +114,7 @@ def test_what_is_left_of_a_quantity_stays_in_no_place(tmp_path: Path) -> None:
     (tmp_path / "domain.yaml").write_text(text, "utf-8")
     problem = PROBLEM.replace("PROBLEM", "gas").replace("MOST", "60")
     file = tmp_path / "gas.yaml"
-    file.write_text(problem.replace("statics:", "initial: [gas(oven, 9)]\nstatics:"), "utf-8")
+    gas = 'initial: ["gas(oven, 9)"]\nstatics:'
+    file.write_text(problem.replace("statics:", gas), "utf-8")
     code, told = said("plan", str(file))
     assert (code, "longest_stay" in told) == (0, False)
