@@ -124,6 +124,14 @@ def test_both_ovens_are_used_where_that_is_sooner(tmp_path: Path) -> None:
     assert made.floor <= made.schedule.lower_bound <= made.schedule.makespan < 4 * 100
 
 
+def test_three_ovens_of_which_one_is_slower_are_all_used(tmp_path: Path) -> None:
+    domain = DOMAIN.replace("quick, slow]", "quick, slow, third]")
+    two = flowing(trays(tmp_path, 8))
+    three = flowing(trays(tmp_path, 8, more="  - bakes(third, 100)\n", domain=domain))
+    assert {"quick", "slow", "third"} <= used(three)
+    assert three.schedule.makespan < two.schedule.makespan
+
+
 def test_one_tray_goes_to_the_quick_oven(tmp_path: Path) -> None:
     made = flowing(trays(tmp_path, 1))
     assert "slow" not in used(made)
