@@ -126,8 +126,8 @@ def test_both_ovens_are_used_where_that_is_sooner(tmp_path: Path) -> None:
 
 def test_three_ovens_of_which_one_is_slower_are_all_used(tmp_path: Path) -> None:
     domain = DOMAIN.replace("quick, slow]", "quick, slow, third]")
-    two = flowing(trays(tmp_path, 8))
-    three = flowing(trays(tmp_path, 8, more="  - bakes(third, 100)\n", domain=domain))
+    two = flowing(trays(tmp_path, 8), 0.05)
+    three = flowing(trays(tmp_path, 8, more="  - bakes(third, 100)\n", domain=domain), 0.05)
     assert {"quick", "slow", "third"} <= used(three)
     assert three.schedule.makespan < two.schedule.makespan
 
