@@ -34,6 +34,7 @@ STRETCH = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.6, 2.0)
 PLENTY = 33  # items from which on the average end counts more
 COOLED = 0.02  # of the first temperature, at the end
 POLLED = 100  # rounds after which it is asked whether to stop
+REPEATED = 4  # items of which a pattern is looked for
 PARTED = 0.1  # of the work, spent on objects in parts
 STRAIGHT = 0.2  # of the objects that are put back wait nowhere
 ONCE = 0.95  # of the others may wait at one place, the rest at all
@@ -117,7 +118,20 @@ class _Search:
                     if self.best and (self.is_best or self.limits.interrupted()):
                         return True
         self._by_parts()
+        self._by_pattern()
         return bool(self.best)
+
+    def _by_pattern(self) -> None:
+        """All items alike, each so long after the one before."""
+        if len(self.flow.items) < REPEATED or self.is_best or self.limits.interrupted():
+            return
+        from cellwright.engine.stages.scheduling.flow.cycles import (
+            best_pattern,  # the solver takes a while to load
+        )
+
+        pattern = best_pattern(self.flow, self._lags()[1], self.limits)
+        if pattern is not None:
+            self.keep(pattern.courses(len(self.flow.items)))
 
     def _by_parts(self) -> None:
         """Items in parts, in several orders."""

@@ -3,6 +3,7 @@
 import itertools
 from array import array
 from collections.abc import Sequence
+from dataclasses import replace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,6 +12,7 @@ from cellwright.engine.kernels.taken import Row, Taken
 from cellwright.engine.model.flow import FOREVER, Act, Course, Flow, Item, Leave, Route, Take, Use
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.flow.board import Board, spans
+from cellwright.engine.stages.scheduling.flow.cycles import best_pattern
 from cellwright.engine.stages.scheduling.flow.mirror import mirror_flow, turn_back
 from cellwright.engine.stages.scheduling.flow.parts import cut_in_parts
 from cellwright.engine.stages.scheduling.flow.search import best_flow
@@ -242,3 +244,24 @@ def test_waiting_is_as_good_as_the_solver_finds_it(of: Flow) -> None:
     assert best is not None
     if found.proved and best.proved:
         assert best.makespan == found.makespan
+
+
+@settings(max_examples=5, deadline=None)
+@given(of=waiting, shared=st.integers(1, 3))
+def test_a_pattern_can_be_repeated_for_ever(of: Flow, shared: int) -> None:
+    many = replace(
+        of,
+        items=tuple(Item(f"item {n}", 0) for n in range(9)),
+        capacity={**of.capacity, "oven": shared},
+    )
+    pattern = best_pattern(many, 8, ScheduleLimits(work=0.5))
+    assert pattern is not None
+    courses = pattern.courses(9)
+    assert keeps_capacities(many, tuple(courses))
+    assert max(course.end for course in courses) == pattern.makespan(9)
+    again = [(c.starts[0], tuple(s - c.starts[0] for s in c.starts)) for c in courses]
+    assert {later[0] - first[0] for first, later in itertools.pairwise(again)} == {pattern.period}
+    assert len({offsets for _, offsets in again}) == 1
+    if pattern.period > 1:  # no shorter one serves the machine or the arm
+        busy = sum(act.duration for act in pattern.course.acts if act.uses)
+        assert pattern.period >= busy
