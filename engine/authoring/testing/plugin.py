@@ -1,7 +1,7 @@
 """A pytest plugin: it tests every `domain.yaml` that pytest finds beside a `golden` folder.
 
-There is one test per problem; a problem file with a line `# slow` is marked slow. `--update-plans` accepts the new answers; it is refused in continuous
-integration.
+There is one test per problem; a problem file with a line `# slow` is marked slow. `--update-plans`
+accepts the new answers; it is refused in continuous integration.
 """
 
 import os

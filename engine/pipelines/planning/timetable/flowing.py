@@ -35,6 +35,7 @@ from cellwright.engine.pipelines.planning.timetable.flows import (
     cell_flow,
     meets_others,
 )
+from cellwright.engine.pipelines.planning.timetable.step_order import SCOPE_ALL_PLANS
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.checker import check_schedule
 from cellwright.engine.stages.scheduling.flow.bounds import Demand, least_of_all
@@ -44,7 +45,6 @@ from cellwright.engine.stages.scheduling.shop_translation import Mislaid
 from cellwright.kb.model.planning_problem import Problem
 
 WAYS = "of all schedules of these objects on their shortest ways, with any machine, arm and place"
-PLANS = "of all plans"
 LEVEL = "level of "
 
 
@@ -99,7 +99,7 @@ def _as_plan(gate: PlanGate, cell: CellFlow, found: Flowed, floor: int) -> Timet
     if findings := gate.findings(cell.problem, plan):
         raise Mislaid(findings[0].message)
     least = floor >= found.makespan and not schedule.tardiness
-    return Timetable(plan, starts, shop, schedule, PLANS if least else WAYS, floor=floor)
+    return Timetable(plan, starts, shop, schedule, SCOPE_ALL_PLANS if least else WAYS, floor=floor)
 
 
 def _stage_name(cell: CellFlow, item: int, place: int, course: Course) -> str:
