@@ -207,6 +207,18 @@ PLANS = (
         (12, 40),
     ),
     Part(
+        "plates", "benchmarks/plates.py",
+        ("--plates", "8", "24", "--elisa", "3", "--readers", "--json", "{json}"),
+        ("--json", "{json}"),
+        (
+            Figure(47, "days with plates that miss a "
+            "bar", counted(lambda r: bool(r["missed"])), "", 0.0, noise=EXACT),
+            Figure(47, "gap of screening days, "
+            "worst", lambda o: max(100 * (r["makespan"] / max(1, r["bound"]) - 1) for r in o.kept if "screening" in r["day"]), "%", 15.0),
+        ),
+        (1, 40),
+    ),
+    Part(
         "diagnosis", "benchmarks/diagnosis.py",
         ("--problems", "20", "--part", "exact", "sparse", "noisy", "setup", "circuits", "advice", "bases", "--json", "{json}"),
         ("--json", "{json}"),

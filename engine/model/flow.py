@@ -6,7 +6,7 @@ machine, arm or place. An act leads from one node to another, and the act of the
 at that node. Times are integers.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 FOREVER = 1 << 40  # later than any time
@@ -59,6 +59,13 @@ class Act:
     leaves: tuple[Leave, ...] = ()
     cost: int = 0
 
+    @property
+    def is_nothing(self) -> bool:
+        """Whether nothing is done."""
+        return self.before == self.after and not (
+            self.duration or self.uses or self.takes or self.leaves
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Route:
@@ -70,6 +77,28 @@ class Route:
     layers: tuple[tuple[Act, ...], ...]
     held: tuple[str, ...] = ()
     stays: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def waits(self) -> tuple[int, ...]:
+        """The layers after which an object may go on at once or not: an act in which nothing is
+        done stands for going on.
+        """
+        return tuple(
+            number - 1
+            for number, layer in enumerate(self.layers)
+            if number and len(layer) > 1 and any(act.is_nothing for act in layer)
+        )
+
+    def straight(self, waits: Collection[int]) -> tuple[tuple[Act, ...], ...]:
+        """The layers without the acts that wait, but for `waits`."""
+        layers = list(self.layers)
+        for number in self.waits:
+            if number not in waits:
+                idle = tuple(act for act in layers[number + 1] if act.is_nothing)
+                nodes = {act.before for act in idle}
+                layers[number] = tuple(act for act in layers[number] if act.after in nodes)
+                layers[number + 1] = idle
+        return tuple(layers)
 
 
 @dataclass(frozen=True, slots=True)

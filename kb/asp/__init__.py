@@ -5,6 +5,7 @@ Large results leave as tables of integers, through one theory atom for each tabl
 text in C++, which is about six times faster than asking for symbols one by one.
 """
 
+import itertools
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -138,6 +139,17 @@ class Grounder:
         if given_facts is not None:
             return atom in given_facts
         return self._control.symbolic_atoms[clingo_symbol(atom)] is not None
+
+    def has_more(self, predicate: str, count: int) -> bool:
+        """Whether more than so many atoms of a predicate are true. None of them is read."""
+        atoms = self._control.symbolic_atoms
+        own = (
+            atoms.by_signature(name, arity, positive)
+            for name, arity, positive in atoms.signatures
+            if name == predicate
+        )
+        listed = itertools.chain.from_iterable(own)
+        return next(itertools.islice(listed, count, None), None) is not None
 
     def tables(self, arities: Mapping[str, int]) -> dict[str, IntegerTable]:
         """For each predicate over integers, its true atoms as sorted rows."""

@@ -15,7 +15,7 @@ from cellwright.kb.model.name_conventions import Conventions
 from cellwright.kb.model.operator_amounts import Amounts, NoAmount, travels_itself
 from cellwright.kb.model.plan_model import Plan, StepId
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.terms import Atom, Number, Term
+from cellwright.kb.terms import Atom, Function, Number, Term
 
 NO_DURATIONS: Mapping[Atom, int] = {}
 
@@ -81,12 +81,14 @@ def _dwell_limits(atom: Atom, longest: Mapping[Term, int]) -> Iterator[_DwellLim
     for place, most in longest.items():
         inside = [contains_term(argument, place) for argument in atom.arguments]
         if any(inside) and not all(inside):
-            things_there = (
+            things_there = [
                 argument
                 for argument, is_place in zip(atom.arguments, inside, strict=True)
                 if not is_place
-            )
-            yield _DwellLimit(", ".join(map(str, things_there)), str(place), most)
+            ]
+            # a quantity, as how much a bottle holds, stays nowhere
+            if any(isinstance(thing, Function) for thing in things_there):
+                yield _DwellLimit(", ".join(map(str, things_there)), str(place), most)
 
 
 def wishes_for(known: Semantics, *plans: Plan) -> Wishes:

@@ -45,9 +45,13 @@ def improve_schedule(
 
 
 def run_solver(
-    solver: cp_model.CpSolver, model: cp_model.CpModel, limits: ScheduleLimits
+    solver: cp_model.CpSolver,
+    model: cp_model.CpModel,
+    limits: ScheduleLimits,
+    in_turns: bool = True,
 ) -> cp_model.CpSolverStatus:
-    """Solve in a thread, so that Ctrl-C and the time limit are heard meanwhile.
+    """Solve in a thread, so that Ctrl-C and the time limit are heard meanwhile. One worker tries
+    several strategies `in_turns`, or keeps to one.
 
     Raises `MemoryError`.
     """
@@ -56,7 +60,7 @@ def run_solver(
     parameters.max_deterministic_time = limits.work
     parameters.num_workers = limits.workers
     # several strategies in turns, counted in work
-    parameters.interleave_search = limits.workers == 1
+    parameters.interleave_search = in_turns and limits.workers == 1
     parameters.catch_sigint_signal = False
     status, short = cp_model.UNKNOWN, False
 

@@ -91,6 +91,10 @@ class CheckerFacts:
     def __contains__(self, atom: Atom) -> bool:
         return atom in self._extent(atom.name) or (self.below is not None and atom in self.below)
 
+    def atoms(self) -> Iterator[Atom]:
+        """Every atom of this layer."""
+        return (atom for extent in self._by_name.values() for atom in extent)
+
     def extent(self, name: str) -> Iterator[Atom]:
         """Every atom of a predicate that is above the facts that never change."""
         layers, facts = list[CheckerFacts](), self
@@ -160,9 +164,10 @@ class CompletedFacts(CheckerFacts):
         atoms: Iterable[Atom] | CheckerFacts,
         below: CheckerFacts,
         follow: Collection[str],
-        complete: Callable[[str], None],
+        complete: Callable[["CompletedFacts", str], None],
     ) -> None:
-        """Facts to which `complete` adds all atoms of a predicate in `follow`.
+        """Facts to which `complete` adds all atoms of a predicate in `follow`; they are its first
+        argument, so that they need not refer to themselves.
 
         Those of a layer are shared with it.
         """
@@ -173,7 +178,7 @@ class CompletedFacts(CheckerFacts):
 
     def _extent(self, name: str) -> Mapping[Atom, None]:
         if name in self._follow:
-            self._complete(name)
+            self._complete(self, name)
         return super()._extent(name)
 
     def settle(self, names: Set[str]) -> Set[str]:
@@ -185,31 +190,43 @@ class CompletedFacts(CheckerFacts):
         return pending
 
 
-MAX_SINGLE_LOOKUPS = 200  # atoms of a predicate that are asked for before all are read
+MAX_SINGLE_LOOKUPS = 200  # atoms of a predicate that are asked for before all may be read
+WORTH_READING = 4  # times as many atoms are read as have been asked for, at most
 
 
 class EvaluatedFacts(CheckerFacts):
     """Facts that someone else has evaluated. Each predicate is read when it is first asked for."""
 
     def __init__(
-        self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]
+        self,
+        read: Callable[[str], Iterable[Atom]],
+        holds: Callable[[Atom], bool],
+        has_more: Callable[[str, int], bool] = lambda _name, _count: False,
     ) -> None:
-        """Facts that `read` gives for a predicate, and that `holds` tells one by one."""
+        """Facts that `read` gives for a predicate, and that `holds` tells one by one; `has_more`
+        says whether a predicate has more than so many.
+        """
         super().__init__()
-        self._read, self._holds = read, holds
+        self._read, self._holds, self._has_more = read, holds, has_more
         self._asked: dict[str, int] = {}
+        self._single: dict[str, int] = {}  # how many questions may read nothing
         self._typed: dict[tuple[str, Term], bool] = {}
 
     def __contains__(self, atom: Atom) -> bool:
         """Whether an atom is among the facts.
 
-        The first questions do not read its predicate, which may be large.
+        Few questions do not read its predicate, which may be large.
         """
         own_atoms = self._by_name.get(atom.name)
         if own_atoms is not None:
             return atom in own_atoms
         asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
-        return self._holds(atom) if asked <= MAX_SINGLE_LOOKUPS else atom in self._extent(atom.name)
+        limit = self._single.get(atom.name, MAX_SINGLE_LOOKUPS)
+        if asked > limit:
+            if not self._has_more(atom.name, WORTH_READING * asked):
+                return atom in self._extent(atom.name)
+            self._single[atom.name] = 2 * limit
+        return self._holds(atom)
 
     def has_type(self, term: Term, type_: str) -> bool:
         """Whether a term is a value of a type.

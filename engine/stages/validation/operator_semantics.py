@@ -104,7 +104,7 @@ class Semantics:
         Each body with aggregates gets a predicate of its own.
         """
         grounder = evaluate_statics(self.problem, self._aggregate_rules())
-        return EvaluatedFacts(grounder.named, grounder.holds)
+        return EvaluatedFacts(grounder.named, grounder.holds, grounder.has_more)
 
     @cached_property
     def amounts(self) -> Amounts:
@@ -139,12 +139,10 @@ class Semantics:
         """A state with its derived atoms, on top of the static facts."""
         if not self._rules:
             return self.layer(state)
+        return CompletedFacts((), self.layer(state), self._rules, self._complete)
 
-        def complete(name: str) -> None:
-            self._derivation.add(facts, facts.settle(self._behind(name)))
-
-        facts = CompletedFacts((), self.layer(state), self._rules, complete)
-        return facts
+    def _complete(self, facts: CompletedFacts, name: str) -> None:
+        self._derivation.add(facts, facts.settle(self._behind(name)))
 
     def layer(self, state: Iterable[Atom] | CheckerFacts) -> CheckerFacts:
         """A state as facts on top of the static facts.
@@ -160,7 +158,7 @@ class Semantics:
         derived atoms.
         """
 
-        def complete(name: str) -> None:
+        def complete(_facts: CompletedFacts, name: str) -> None:
             behind = self._behind(name)
             self._derivation.bound(lower, upper, lower.settle(behind) | upper.settle(behind))
 

@@ -18,6 +18,7 @@ from cellwright.kb.terms import (
     Function,
     Term,
     Variable,
+    is_ground,
     match_term,
     substitute_atom,
     substitute_term,
@@ -45,7 +46,15 @@ class Denial:
         """The atoms among `facts` that this denies."""
         if self.consequence is None:
             return [self.pattern] if self.pattern in facts else []
-        return [atom for atom in facts.named(self.pattern.name) if self.matches(atom, statics)]
+        values = dict(self.bindings)
+        known = [
+            (place, term)
+            for place, argument in enumerate(self.pattern.arguments)
+            if is_ground(term := substitute_term(argument, values))
+        ]
+        return [
+            atom for atom in facts.having(self.pattern.name, known) if self.matches(atom, statics)
+        ]
 
     def matches(self, atom: Atom, statics: CheckerFacts) -> bool:
         """Whether this denies `atom`."""

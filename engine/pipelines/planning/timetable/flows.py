@@ -17,6 +17,7 @@ from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.pipelines.planning.dwell_limits import wishes_for
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.scheduling.flow.bounds import Demand
+from cellwright.engine.stages.scheduling.flow.detours import with_waits
 from cellwright.engine.stages.scheduling.flow.graph import (
     Edge,
     NoRoute,
@@ -278,7 +279,12 @@ def _kind(known: _Known, members: Sequence[Term], wishes: Wishes) -> Kind:
     own = known.own_places(first)
     renamed = {m: dict(zip((first, *own), (m, *known.own_places(m)), strict=True)) for m in members}
     chains = tuple(chain.name for chain in known.chains[first])
-    return Kind(task, RouteMaker(graph, ways_of(graph), wishes.longest_stay), chains, renamed)
+    return Kind(
+        task,
+        RouteMaker(graph, with_waits(graph, ways_of(graph)), wishes.longest_stay),
+        chains,
+        renamed,
+    )
 
 
 def _alone(known: _Known, subject: Term) -> Problem:

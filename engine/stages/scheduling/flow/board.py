@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from cellwright.engine.kernels.taken import Row, Taken
 from cellwright.engine.model.flow import FOREVER, Act, Course, Flow, Route, holds_of_course
 
+Layers = tuple[tuple[Act, ...], ...]
+BESIDE = 20  # acts that take as long as what is done beside raising their starts
 WIDTH = 6  # beginnings of a course that are kept
 
 
@@ -24,6 +26,8 @@ class Board:
     flow: Flow
     courses: dict[int, Course] = field(default_factory=dict)
     rows: dict[tuple[int, tuple[int, ...]], Row] = field(default_factory=dict)
+    straight: dict[tuple[int, frozenset[int]], Layers] = field(default_factory=dict)
+    effort: int = 0  # acts whose starts were raised, with what is done beside
 
     def __post_init__(self) -> None:
         self.number = {name: n for n, name in enumerate(self.flow.capacity)}
@@ -56,20 +60,32 @@ class Board:
             row = self._row_of(number, self.flow.route(item), course.acts)
             self.taken.mark(row, array("q", course.starts), change)
 
-    def earliest(self, item: int, soonest: int = 0, latest: int = FOREVER) -> Course | None:
-        """The course that ends first among those found, not begun before `soonest`; None if
-        none ends before `latest`.
+    def earliest(
+        self, item: int, soonest: int = 0, waits: frozenset[int] | None = None
+    ) -> Course | None:
+        """The course that ends first among those found, not begun before `soonest`, and that
+        waits nowhere but at `waits`, if they are given.
         """
-        own, route = self.flow.items[item], self.flow.route(item)
+        own = self.flow.items[item]
         self._stand(item, -1)
-        found = self._beam(own.route, route, max(soonest, own.release), latest)
+        found = self._beam(own.route, self._layers(own.route, waits), max(soonest, own.release))
         self._stand(item, 1)
         return found
 
-    def _beam(self, number: int, route: Route, soonest: int, latest: int) -> Course | None:
+    def _layers(self, number: int, waits: frozenset[int] | None) -> Layers:
+        route = self.flow.routes[number]
+        if waits is None:
+            return route.layers
+        known = self.straight.get((number, waits))
+        if known is None:
+            known = self.straight[number, waits] = route.straight(waits)
+        return known
+
+    def _beam(self, number: int, layers: Layers, soonest: int) -> Course | None:
+        route = self.flow.routes[number]
         kept: list[tuple[tuple[Act, ...], list[int]]] = [((), [])]
-        last = len(route.layers) - 1
-        for place, layer in enumerate(route.layers):
+        last = len(layers) - 1
+        for place, layer in enumerate(layers):
             # nothing is chosen here; what follows finds the times
             if len(layer) == 1 and place < last:
                 kept = [
@@ -84,7 +100,7 @@ class Board:
                     longer = (*acts, act)
                     begun = [*starts, *[soonest] * (len(longer) - len(starts))]
                     times = self._raised(number, route, longer, begun)
-                    if times is not None and times[-1] + act.duration < latest:
+                    if times is not None:
                         made.append((longer, times))
             made.sort(key=lambda each: (each[1][-1] + each[0][-1].duration, sum(each[1])))
             kept = made[:WIDTH]
@@ -104,6 +120,7 @@ class Board:
         """The least starts that fit, not below these; None if there are none."""
         if not acts:
             return []
+        self.effort += len(acts) + BESIDE
         row, times = self._row_of(number, route, acts), array("q", starts)
         return list(times) if self.taken.raised(row, times) else None
 

@@ -8,6 +8,7 @@ and empties is taken also while this arm brings an object there, or takes it awa
 """
 
 import heapq
+import itertools
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +18,7 @@ from cellwright.engine.model.flow import Flow, Route
 from cellwright.engine.stages.scheduling.flow.graph import MAX_NODES, ObjectGraph, Stride, key_of
 
 SCALE = 1_000_000  # of prices, which are whole numbers
+MAX_SPANS = 4  # resources, those that are asked for most, of which two are looked at together
 MAX_TIMES = 24  # before or after which nothing is counted, that are tried
 
 
@@ -200,6 +202,69 @@ class Demand:
         before, after = self.reach[arm] if arm is not None else (0, 0)
         return self.since.get(node, 0) - before, self.until.get(arc.after, 0) - after
 
+    def margin_before(self, name: str) -> int:
+        """The least time before anything is asked of a resource."""
+        return min((head for head, _ in self._margins(name)), default=0)
+
+    def margin_after(self, name: str) -> int:
+        """The least time after everything that is asked of a resource."""
+        return min((tail for _, tail in self._margins(name)), default=0)
+
+    def _margins(self, name: str) -> Iterator[tuple[int, int]]:
+        for node, own in enumerate(self.arcs or []):
+            for arc in own:
+                if arc.asks.get(name):
+                    yield self.margins(arc, node, name)
+
+    def splits(self, first: str, second: str) -> list[tuple[int, int, int]]:
+        """For each state or step in which an object can be at some time: how far its goal is then,
+        what it has asked of `first` by then, and asks of `second` from then on, at least.
+
+        What a step under way then asks is left out; what is asked may reach `beyond` this time.
+        """
+        before, after = self._asked_before(first), self._asked_after(second)
+        found = {
+            (self.until[there], before[node], after[there])
+            for node, own in enumerate(self.arcs or [])
+            if node in before
+            for there in (node, *(arc.after for arc in own))
+            if there in after
+        }
+        return sorted(found)
+
+    def beyond(self, name: str) -> int:
+        """How far what is asked of a place reaches beyond the steps there."""
+        arm = self.carriers.get(name)
+        return max(self.reach[arm]) if arm is not None else 0
+
+    def _asked_before(self, name: str) -> Mapping[int, int]:
+        """The least that is asked of a resource on the way to each state."""
+        if name not in self._before:
+            self._before[name] = self._spread(
+                {0: 0}, self._forward(lambda arc, _node: arc.asks.get(name, 0))
+            )
+        return self._before[name]
+
+    def _asked_after(self, name: str) -> Mapping[int, int]:
+        """The least that is asked of a resource on the way from each state to the goal."""
+        if name not in self._after:
+            back: dict[int, list[tuple[int, int]]] = {}
+            for n, own in enumerate(self.arcs or []):
+                for arc in own:
+                    back.setdefault(arc.after, []).append((n, arc.asks.get(name, 0)))
+            self._after[name] = self._spread(
+                dict.fromkeys(self._ends, 0), lambda node: back.get(node, ())
+            )
+        return self._after[name]
+
+    @cached_property
+    def _before(self) -> dict[str, dict[int, int]]:
+        return {}
+
+    @cached_property
+    def _after(self) -> dict[str, dict[int, int]]:
+        return {}
+
     def times(self, names: Collection[str]) -> tuple[list[int], list[int]]:
         """The different times before and after what is asked of some resources."""
         heads, tails = {0}, {0}
@@ -228,9 +293,15 @@ def least_of_all(flow: Flow, demands: Sequence[Demand]) -> tuple[int, str]:
     lasts = [each.least(lambda arc, _node: arc.lasts) for each in demands]
     found += [(item.release + lasts[item.route], item.name) for item in flow.items]
     counts = [sum(item.route == n for item in flow.items) for n in range(len(demands))]
-    found += [
+    asked = [
         (_Energy(flow, demands, counts, prices).least, " and ".join(prices))
         for prices in _prices(flow)
+    ]
+    found += asked
+    busiest = [name for _, name in sorted(asked, reverse=True) if name in flow.capacity]
+    found += [
+        (_TwoSpans(flow, demands, counts, first, second).least, f"{first}, then {second}")
+        for first, second in itertools.permutations(busiest[:MAX_SPANS], 2)
     ]
     return max(found, key=lambda each: each[0])
 
@@ -273,6 +344,85 @@ class _Energy:
             whole += count * demand.least(price)
         there = sum(price * self.flow.capacity[name] for name, price in self.prices.items())
         return head + tail - -whole // there if whole else 0
+
+
+@dataclass(frozen=True)
+class _TwoSpans:
+    """What all objects ask of one resource up to some time before the end, and of another one from
+    then on.
+
+    An object that is so far from its goal that it must have begun by then asks of the one before,
+    or is behind and asks of the other afterwards. So both together cannot be idle (Lagrangian
+    relaxation of both capacities; any prices give a bound).
+    """
+
+    flow: Flow
+    demands: Sequence[Demand]
+    counts: Sequence[int]
+    first: str
+    second: str
+
+    @property
+    def least(self) -> int:
+        """The best bound over times before the end, and over prices."""
+        release = min(item.release for item in self.flow.items)
+        times = _few({t for each in self.demands for t in each.until.values()})
+        # just below a time from which the goal is too far away
+        return release + max(self._over_prices(max(0, time - 1)) for time in times)
+
+    @cached_property
+    def _splits(self) -> list[list[tuple[int, int, int]]]:
+        return [each.splits(self.first, self.second) for each in self.demands]
+
+    def _over_prices(self, left: int) -> int:
+        """The best bound for a time so long before the end."""
+        points = [
+            [(one, other) for until, one, other in own if until <= left] for own in self._splits
+        ]
+        ratios = {b / a for own in points for a, b in _price_ratios(own) if a > 0}
+        return max((self._at(points, left, ratio) for ratio in ratios), default=0)
+
+    @cached_property
+    def _margins(self) -> tuple[int, int]:
+        """The least time before what is asked of the first resource, and after what is asked of
+        the second, each without how far that may reach beyond the time between.
+        """
+        head = (each.margin_before(self.first) - each.beyond(self.first) for each in self.demands)
+        tail = (each.margin_after(self.second) - each.beyond(self.second) for each in self.demands)
+        return min(head), min(tail)
+
+    def _at(self, points: Sequence[Sequence[tuple[int, int]]], left: int, ratio: float) -> int:
+        """The bound for the price `ratio` of the second resource, the first one's being 1."""
+        price = round(SCALE * ratio)
+        asked = sum(
+            count * min(SCALE * one + price * other for one, other in own)
+            for count, own in zip(self.counts, points, strict=True)
+        )
+        head, tail = self._margins
+        spare = price * self.flow.capacity[self.second] * max(0, left - tail)
+        there = SCALE * self.flow.capacity[self.first]
+        return left + head - (spare - asked) // there if asked > spare else 0
+
+
+def _price_ratios(points: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    """For ways that ask (one, other): prices at which two of them cost the same, as (other, one)
+    differences; the cheapest ways lie on the lower hull.
+    """
+    hull: list[tuple[int, int]] = []
+    for point in sorted(set(points)):
+        if hull and point[1] >= hull[-1][1]:
+            continue
+        while len(hull) > 1 and _turns_up(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    for (a, b), (c, d) in itertools.pairwise(hull):
+        yield b - d, c - a
+
+
+def _turns_up(one: tuple[int, int], middle: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether a point lies above the line between two others."""
+    (a, b), (c, d), (e, f) = one, middle, other
+    return (d - b) * (e - a) >= (f - b) * (c - a)
 
 
 def _few(times: Collection[int]) -> list[int]:

@@ -8,6 +8,7 @@ order (ruin and recreate: Schrimpf et al. 2000), and a solver arranges all if th
 What is found at any time can be done: nobody waits for what never becomes free.
 """
 
+import itertools
 import math
 import random
 from bisect import bisect_left, insort
@@ -17,6 +18,8 @@ from functools import cached_property
 
 from cellwright.engine.model.flow import Course, Flow, Flowed, lateness_of
 from cellwright.engine.stages.scheduling.flow.board import Board
+from cellwright.engine.stages.scheduling.flow.mirror import mirror_flow, turn_back
+from cellwright.engine.stages.scheduling.flow.parts import cut_in_parts
 from cellwright.engine.stages.scheduling.schedule_limits import ScheduleLimits
 
 ACTS = 900_000  # that are placed in one unit of work
@@ -30,8 +33,11 @@ EXACT = 400  # acts, alternatives counted, about which the solver may prove some
 STRETCH = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.6, 2.0)
 PLENTY = 33  # items from which on the average end counts more
 COOLED = 0.02  # of the first temperature, at the end
-BESIDE = 20  # acts that take as long as what is done with an item beside placing its acts
 POLLED = 100  # rounds after which it is asked whether to stop
+REPEATED = 4  # items of which a pattern is looked for
+PARTED = 0.1  # of the work, spent on objects in parts
+STRAIGHT = 0.2  # of the objects that are put back wait nowhere
+ONCE = 0.95  # of the others may wait at one place, the rest at all
 MOVED = (2, 8)  # items that are put back at once
 
 Value = tuple[int, int, float]
@@ -100,16 +106,43 @@ class _Search:
     def by_rule(self) -> bool:
         """Items one after another, in several orders and with several times between them.
 
-        Whether one led to a schedule.
+        Whether one led to a schedule. The flow is also looked at from its end.
         """
+        back = mirror_flow(self.flow)
         for order in self._orders():
             for lag in self._lags():
-                courses = self._in_turn(order, lag)
-                if courses is not None:
-                    self.keep(courses)
-                if self.best and (self.is_best or self.limits.interrupted()):
-                    return True
+                for flow in (self.flow, back):
+                    courses = None if flow is None else _in_turn(flow, order, lag)
+                    if courses is not None:
+                        self.keep(turn_back(self.flow, courses) if flow is back else courses)
+                    if self.best and (self.is_best or self.limits.interrupted()):
+                        return True
+        self._by_parts()
+        self._by_pattern()
         return bool(self.best)
+
+    def _by_pattern(self) -> None:
+        """All items alike, each so long after the one before."""
+        if len(self.flow.items) < REPEATED or self.is_best or self.limits.interrupted():
+            return
+        from cellwright.engine.stages.scheduling.flow.cycles import (
+            best_pattern,  # the solver takes a while to load
+        )
+
+        pattern = best_pattern(self.flow, self._lags()[1], self.limits)
+        if pattern is not None:
+            self.keep(pattern.courses(len(self.flow.items)))
+
+    def _by_parts(self) -> None:
+        """Items in parts, in several orders."""
+        left = int(self.limits.work * PARTED * ACTS / (1 + sum(self._sizes)))
+        for cut in cut_in_parts(self.flow):
+            for word in cut.words():
+                left -= 1
+                if left < 0 or self.is_best or self.limits.interrupted():
+                    return
+                if (courses := cut.place_parts(word)) is not None:
+                    self.keep(courses)
 
     def _orders(self) -> Iterator[list[int]]:
         items = self.flow.items
@@ -131,32 +164,23 @@ class _Search:
         lag = load / max(1, len(self.flow.items))
         return list(dict.fromkeys([0, *(math.ceil(lag * each) for each in STRETCH)]))
 
-    def _in_turn(self, order: Sequence[int], lag: int) -> list[Course] | None:
-        board, soonest = Board(self.flow), 0
-        for item in order:
-            course = board.earliest(item, soonest)
-            if course is None:
-                return None
-            board.settle(item, course)
-            soonest = course.starts[0] + lag if course.starts else soonest
-        return [board.courses[n] for n in range(len(order))]
-
     # putting back
 
     def put_back(self, work: float) -> None:
         """Take some items off the board and put them back, again and again, as in annealing."""
-        board, count = _Table(self.flow, self.best), len(self.best)
-        longest = max((len(self.flow.route(n).layers) for n in range(count)), default=1)
-        rounds = int(work * ACTS / ((longest + BESIDE) * (sum(MOVED) / 2)))
+        board, most = _Table(self.flow, self.best), work * ACTS
         value, warm = board.value, self._warmth()
-        for number in range(rounds if count > 1 else 0):
-            if self.is_best or (number % POLLED == 0 and self.limits.interrupted()):
+        for number in itertools.count():
+            done = board.board.effort / most if most else 1.0
+            if self.is_best or done >= 1 or len(self.best) < 2:
+                return
+            if number % POLLED == 0 and self.limits.interrupted():
                 return
             chosen = self._chosen(board)
             old = {item: board.remove(item) for item in chosen}
             if self._put(board, old):
                 now = board.value
-                if self._accepts(value, now, warm * max(COOLED, 1 - number / rounds)):
+                if self._accepts(value, now, warm * max(COOLED, 1 - done)):
                     value = now
                     self._note(board)
                     continue
@@ -207,7 +231,7 @@ class _Search:
                 soonest = max(0, old[item].starts[0] + self.draw.randint(-span // 4, span // 4))
             elif chance > 0.5:
                 soonest = max(0, first - self.draw.randint(0, span))
-            course = board.earliest(item, soonest)
+            course = board.earliest(item, soonest, self._waits(item))
             if course is None:
                 for each in done:
                     board.remove(each)
@@ -215,6 +239,17 @@ class _Search:
             board.settle(item, course)
             done.append(item)
         return True
+
+    def _waits(self, item: int) -> frozenset[int]:
+        """Where an object may wait that is put back: mostly nowhere, or at one place."""
+        own = self._all_waits[self.flow.items[item].route]
+        if not own or self.draw.random() < STRAIGHT:
+            return frozenset()
+        return frozenset(self.draw.sample(own, 1 if self.draw.random() < ONCE else len(own)))
+
+    @cached_property
+    def _all_waits(self) -> list[tuple[int, ...]]:
+        return [route.waits for route in self.flow.routes]
 
     # solving
 
@@ -261,9 +296,9 @@ class _Table:
         """The course of each item."""
         return tuple(self.board.courses[n] for n in range(len(self.ends)))
 
-    def earliest(self, item: int, soonest: int) -> Course | None:
+    def earliest(self, item: int, soonest: int, waits: frozenset[int]) -> Course | None:
         """The course of an item that ends first."""
-        return self.board.earliest(item, soonest)
+        return self.board.earliest(item, soonest, waits)
 
     def settle(self, item: int, course: Course) -> None:
         """Put an item on the board."""
@@ -283,6 +318,18 @@ class _Table:
         self.sum += end - self.ends[item]
         self.ends[item] = end
         self.late[item] = 0 if own.due is None else own.priority * max(0, end - own.due)
+
+
+def _in_turn(flow: Flow, order: Sequence[int], lag: int) -> list[Course] | None:
+    """Courses of all items, put on the board one after another, begun so long after another."""
+    board, soonest = Board(flow), 0
+    for item in order:
+        course = board.earliest(item, soonest)
+        if course is None:
+            return None
+        board.settle(item, course)
+        soonest = course.starts[0] + lag if course.starts else soonest
+    return [board.courses[n] for n in range(len(order))]
 
 
 def _least_time(flow: Flow, item: int) -> int:

@@ -105,3 +105,17 @@ def test_a_run_tells_what_stayed_too_long(cell: Path) -> None:
     assert (
         "too long" not in said("run", str(cell / "wide.yaml"), "--store", str(cell / "runs.db"))[1]
     )
+
+
+def test_what_is_left_of_a_quantity_stays_in_no_place(tmp_path: Path) -> None:
+    text = DOMAIN.replace("events:", 'quantities: {"gas(place)": 0..9}\nevents:').replace(
+        "resources: oven", "decrease: {gas(oven): 1}\n    resources: oven"
+    )
+    slowly = text.replace("duration: 5 s", "duration: 40 s")  # gas(oven, 8) lasts 80 s
+    (tmp_path / "domain.yaml").write_text(slowly, "utf-8")
+    problem = PROBLEM.replace("PROBLEM", "gas").replace("MOST", "60")
+    file = tmp_path / "gas.yaml"
+    gas = 'initial: ["gas(oven, 9)"]\nstatics:'
+    file.write_text(problem.replace("statics:", gas), "utf-8")
+    code, told = said("plan", str(file))
+    assert (code, "longest_stay" in told) == (0, False)

@@ -2,9 +2,13 @@
 machine and arm is used.
 """
 
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cellwright.engine.formats.report.plans.gantt_chart import schedule_summary
 from cellwright.engine.model.outcome import Infeasible
@@ -12,11 +16,13 @@ from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
+from cellwright.engine.pipelines.planning.timetable.flow_steps import plan_of_steps, steps_of
 from cellwright.engine.pipelines.planning.timetable.flowing import by_flow
 from cellwright.engine.pipelines.planning.timetable.flows import cell_flow
 from cellwright.engine.pipelines.planning.timetable.step_order import SCOPE_ALL_PLANS
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.checker import check_schedule
+from cellwright.engine.stages.scheduling.flow.board import Board
 from cellwright.kb.model.planning_problem import Problem
 
 DOMAIN = """domain: bakes
@@ -71,20 +77,27 @@ defaults:
 
 
 def trays(
-    folder: Path, count: int, arms: str = "[left]", batter: int = 100, more: str = ""
+    folder: Path,
+    count: int,
+    arms: str = "[left]",
+    batter: int = 100,
+    more: str = "",
+    domain: str = DOMAIN,
+    times: tuple[int, int] = (100, 150),
+    glazed: bool = False,
 ) -> Problem:
     """So many trays at shelves of their own, which are filled and baked in one of two ovens."""
-    (folder / "domain.yaml").write_text(DOMAIN.replace("ARMS", arms), "utf-8")
+    (folder / "domain.yaml").write_text(domain.replace("ARMS", arms), "utf-8")
     names = [f"tray_{n}" for n in range(1, count + 1)]
     homes = "".join(f"  - home({name}, shelf_{name})\n" for name in names)
     shelves = ", ".join(f"shelf_{name}" for name in names)
     (folder / "problem.yaml").write_text(
         f"problem: many\ndomain: bakes\nobjects: {{tray: [{', '.join(names)}], place: "
         f"[{shelves}]}}\n"
-        f"initial: [batter({batter})]\nstatics:\n{homes}  - bakes(quick, 100), bakes(slow, "
-        f"150)\n{more}"
+        f"initial: [batter({batter})]\nstatics:\n{homes}  - bakes(quick, {times[0]}), "
+        f"bakes(slow, {times[1]})\n{more}"
         f"workflow:\n  - for: {{T: [{', '.join(names)}]}}\n    stages: filled(T), baked(T), "
-        "kept(T)\n",
+        f"{'glazed(T), ' if glazed else ''}kept(T)\n",
         "utf-8",
     )
     return problem_of(str(folder / "problem.yaml"))
@@ -110,6 +123,14 @@ def test_both_ovens_are_used_where_that_is_sooner(tmp_path: Path) -> None:
     made = flowing(trays(tmp_path, 4))
     assert {"quick", "slow"} <= used(made)
     assert made.floor <= made.schedule.lower_bound <= made.schedule.makespan < 4 * 100
+
+
+def test_three_ovens_of_which_one_is_slower_are_all_used(tmp_path: Path) -> None:
+    domain = DOMAIN.replace("quick, slow]", "quick, slow, third]")
+    two = flowing(trays(tmp_path, 8), 0.05)
+    three = flowing(trays(tmp_path, 8, more="  - bakes(third, 100)\n", domain=domain), 0.05)
+    assert {"quick", "slow", "third"} <= used(three)
+    assert three.schedule.makespan < two.schedule.makespan
 
 
 def test_one_tray_goes_to_the_quick_oven(tmp_path: Path) -> None:
@@ -172,6 +193,51 @@ def test_the_bound_of_all_plans_is_said_beside_that_of_these_ways(tmp_path: Path
     said = schedule_summary(made.schedule, "s", made.scope, made.floor)
     assert said.startswith(f"makespan {made.schedule.makespan} s")
     assert made.floor == made.schedule.makespan or f"no plan ends before {made.floor} s" in said
+
+
+def test_a_tray_may_wait_on_its_shelf_between_filler_and_oven(tmp_path: Path) -> None:
+    problem = trays(tmp_path, 3)
+    cell = cell_flow(problem, PlanGate().semantics(problem))
+    (route,) = cell.flow.routes
+    (wait,) = route.waits
+    layers = list(route.layers)
+    homeward = {act.before for act in layers[wait + 1] if not act.is_nothing}
+    layers[wait] = tuple(act for act in layers[wait] if act.after in homeward)
+    layers[wait + 1] = tuple(act for act in layers[wait + 1] if not act.is_nothing)
+    board = Board(replace(cell.flow, routes=(replace(route, layers=tuple(layers)),)))
+    for item in range(3):
+        course = board.earliest(item)
+        assert course is not None
+        board.settle(item, course)
+    plan = plan_of_steps(cell, steps_of(cell, [board.courses[n] for n in range(3)]), cell.levels)
+    assert not PlanGate().findings(problem, plan)
+    shelved = [str(step.operator) for step in plan.steps if "shelf_tray_1" in str(step.operator)]
+    assert len(shelved) == 5  # picked, put, picked, put and kept there
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    count=st.integers(1, 5),
+    quick=st.integers(1, 30),
+    slow=st.integers(1, 30),
+    fill=st.integers(1, 40),
+    again=st.integers(1, 40),
+)
+def test_no_schedule_ends_before_the_bound_of_all_plans(
+    count: int, quick: int, slow: int, fill: int, again: int
+) -> None:
+    glaze = f"""  glaze(Tray):
+    preconditions: at(Tray, filler)
+    adds: glazed(Tray)
+    resources: filler, Tray
+    duration: {again} s
+  keep"""
+    domain = DOMAIN.replace("  keep", glaze, 1).replace("duration: 20 s", f"duration: {fill} s")
+    domain = domain.replace('"kept(tray)": {}', '"kept(tray)": {}, "glazed(tray)": {}')
+    with TemporaryDirectory() as folder:
+        problem = trays(Path(folder), count, domain=domain, times=(quick, slow), glazed=True)
+    made = flowing(problem, 0.05)
+    assert 0 < made.floor <= made.schedule.makespan
 
 
 @pytest.mark.slow

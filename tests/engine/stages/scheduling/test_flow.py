@@ -1,6 +1,9 @@
 """Courses on a board against plain replays, and the search against the solver, on random flows."""
 
+import itertools
 from array import array
+from collections.abc import Sequence
+from dataclasses import replace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,6 +12,9 @@ from cellwright.engine.kernels.taken import Row, Taken
 from cellwright.engine.model.flow import FOREVER, Act, Course, Flow, Item, Leave, Route, Take, Use
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.flow.board import Board, spans
+from cellwright.engine.stages.scheduling.flow.cycles import best_pattern
+from cellwright.engine.stages.scheduling.flow.mirror import mirror_flow, turn_back
+from cellwright.engine.stages.scheduling.flow.parts import cut_in_parts
 from cellwright.engine.stages.scheduling.flow.search import best_flow
 from cellwright.engine.stages.scheduling.flow.solving import solved
 
@@ -139,3 +145,123 @@ def test_the_search_is_as_good_as_the_solver(
         best = solved(made, found.courses, found.makespan, 0, ScheduleLimits(work=1.0))
         assert best is not None
         assert best.makespan == found.makespan
+
+
+@given(lengths=sizes, shelves=st.integers(1, 2))
+def test_a_schedule_seen_from_its_end_is_one_of_the_flow(
+    lengths: list[tuple[int, int, int]], shelves: int
+) -> None:
+    forward = flow(lengths, shelves)
+    backward = mirror_flow(forward)
+    assert backward is not None
+    board = Board(backward)
+    for number in range(len(lengths)):
+        course = board.earliest(number)
+        assert course is not None
+        board.settle(number, course)
+    courses = [board.courses[n] for n in range(len(lengths))]
+    turned = turn_back(forward, courses)
+    assert is_sound(forward, turned)
+    assert max(c.end for c in turned) == max(c.end for c in courses)
+
+
+def waiting_flow(count: int, first: int, second: int, third: int) -> Flow:
+    """Items that one machine serves before and after an oven, and that may wait at home in
+    between.
+    """
+
+    def carried(before: int, after: int, takes: str, leaves: str, number: int) -> Act:
+        taken = (Take(takes, 1, 2),) if takes else ()
+        left = (Leave(leaves, 0, 1),) if leaves else ()
+        return Act("carry", 2, before, after, number, (Use("arm", 0, 2),), taken, left)
+
+    route = Route(
+        (
+            (carried(0, 1, "machine", "home", 0),),
+            (Act("mark", first, 1, 2),),
+            (carried(2, 3, "oven", "machine", 0),),
+            (Act("bake", second, 3, 4),),
+            (carried(4, 5, "machine", "oven", 0), carried(4, 6, "home", "oven", 1)),
+            (Act("go on", 0, 5, 5), carried(6, 5, "machine", "home", 1)),
+            (Act("look", third, 5, 7),),
+            (carried(7, 8, "home", "machine", 0),),
+        ),
+        ("home",),
+        {"oven": second},
+    )
+    items = tuple(Item(f"item {n}", 0) for n in range(count))
+    return Flow((route,), items, {"arm": 1, "machine": 1, "oven": 2})
+
+
+waiting = st.builds(
+    waiting_flow, st.integers(1, 5), st.integers(1, 9), st.integers(1, 30), st.integers(1, 9)
+)
+
+
+def keeps_capacities(of: Flow, courses: Sequence[Course]) -> bool:
+    taken = [each for n, course in enumerate(courses) for each in spans(course, of.route(n).held)]
+    ends = max(course.end for course in courses)
+    return all(
+        sum(place == name and begin <= t < end for place, begin, end in taken) <= capacity
+        for name, capacity in of.capacity.items()
+        for t in range(ends)
+    )
+
+
+@given(of=waiting)
+def test_items_in_parts_are_put_together_again(of: Flow) -> None:
+    (cut,) = cut_in_parts(of)
+    for word in itertools.islice(cut.words(), 10):
+        courses = cut.place_parts(word)
+        assert courses is not None
+        assert keeps_capacities(of, courses)
+        for course in courses:
+            pairs = itertools.pairwise(zip(course.acts, course.starts, strict=True))
+            assert all(
+                one.after == other.before and start + one.duration <= later
+                for (one, start), (other, later) in pairs
+            )
+
+
+@given(of=waiting)
+def test_who_waits_nowhere_goes_on_at_once(of: Flow) -> None:
+    (wait,) = of.routes[0].waits
+    straight = Board(of).earliest(0, 0, frozenset())
+    free = Board(of).earliest(0, 0, frozenset({wait}))
+    assert straight is not None
+    assert free is not None
+    assert straight.acts[wait].after == 5
+    assert free.end == straight.end  # alone, nobody needs to wait
+
+
+@settings(max_examples=8, deadline=None)
+@given(of=waiting)
+def test_waiting_is_as_good_as_the_solver_finds_it(of: Flow) -> None:
+    found = best_flow(of, 0, ScheduleLimits(work=0.3))
+    assert found is not None
+    assert keeps_capacities(of, found.courses)
+    best = solved(of, found.courses, found.makespan, 0, ScheduleLimits(work=1.0))
+    assert best is not None
+    if found.proved and best.proved:
+        assert best.makespan == found.makespan
+
+
+@settings(max_examples=5, deadline=None)
+@given(of=waiting, shared=st.integers(1, 3))
+def test_a_pattern_can_be_repeated_for_ever(of: Flow, shared: int) -> None:
+    many = replace(
+        of,
+        items=tuple(Item(f"item {n}", 0) for n in range(9)),
+        capacity={**of.capacity, "oven": shared},
+    )
+    pattern = best_pattern(many, 8, ScheduleLimits(work=0.5))
+    assert pattern is not None
+    courses = pattern.courses(9)
+    assert keeps_capacities(many, tuple(courses))
+    assert max(course.end for course in courses) == pattern.makespan(9)
+    again = [(c.starts[0], tuple(s - c.starts[0] for s in c.starts)) for c in courses]
+    assert {later[0] - first[0] for first, later in itertools.pairwise(again)} == {pattern.period}
+    assert len({offsets for _, offsets in again}) == 1
+    if pattern.period > 1:  # no shorter one serves the machine or the arm
+        busy = sum(act.duration for act in pattern.course.acts if act.uses)
+        assert pattern.period >= busy

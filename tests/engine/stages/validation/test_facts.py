@@ -4,12 +4,20 @@ which have indexes.
 
 import itertools
 import random
+import weakref
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.validation.checker_facts import MIN_INDEXED_ATOMS, CheckerFacts
+from cellwright.engine.stages.validation.checker_facts import (
+    MAX_SINGLE_LOOKUPS,
+    MIN_INDEXED_ATOMS,
+    WORTH_READING,
+    CheckerFacts,
+    CompletedFacts,
+    EvaluatedFacts,
+)
 from cellwright.engine.stages.validation.condition_solving import solve_conditions
 from cellwright.kb.model.conditions import Literal
 from cellwright.kb.terms import Atom, Function, Variable, match_term
@@ -82,3 +90,31 @@ def test_what_is_denied_of_any_value_is_false_of_all(seed: int) -> None:
         )
     )
     assert bool(found) == all(each.arguments[0] != THINGS[0] for each in told)
+
+
+@pytest.mark.parametrize("size", [10, 2 * WORTH_READING * MAX_SINGLE_LOOKUPS])
+def test_a_large_predicate_is_read_only_if_much_of_it_is_asked_for(size: int) -> None:
+    rows = {Function("row", (Function(f"n{n}"),)): None for n in range(size)}
+    readings = list[str]()
+
+    def read(name: str) -> dict[Atom, None]:
+        readings.append(name)
+        return rows
+
+    facts = EvaluatedFacts(read, rows.__contains__, lambda _name, count: size > count)
+    asked = [Function("row", (Function(f"n{n}"),)) for n in range(MAX_SINGLE_LOOKUPS + 20)]
+    assert [atom in facts for atom in asked] == [atom in rows for atom in asked]
+    assert readings == (["row"] if size == 10 else [])
+    assert all(atom in facts for atom in rows)
+    assert readings == ["row"]
+
+
+def test_a_state_that_nobody_keeps_is_gone_at_once() -> None:
+    def complete(facts: CompletedFacts, name: str) -> None:
+        facts.settle({name})
+
+    facts = CompletedFacts(PAIRS, CheckerFacts(), ["r"], complete)
+    assert PAIRS[0] in facts
+    gone = weakref.ref(facts)
+    del facts
+    assert gone() is None  # without a search for cycles of references
