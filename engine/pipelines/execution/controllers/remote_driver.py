@@ -216,6 +216,7 @@ class PendingCommands:
 
 
 MAX_ATTEMPTS = 3  # for one question, each over another connection
+MAX_UNANSWERED = 2  # greetings in a row over connections that stand and carry no answer
 MAX_FRUITLESS_ADVANCES = 100  # of a virtual clock, in a row, without a reply or the time asked for
 MAX_LISTENING_MS = 250  # so soon an order is heard, whatever the tick of the controller is
 MAX_EVENTS_AT_ONCE = 1_000
@@ -460,6 +461,7 @@ class ControllerDriver:
         """Wait until the controller is there again, and take up what is open; else it is lost."""
         end = time.monotonic() + self._patience.reconnect_s + self._patience.answer_s
         self._hang_up_on(error)
+        unanswered = 0
         while not self._lost:
             try:
                 event = self.link.inbox.get(timeout=max(0.0, end - time.monotonic()))
@@ -473,6 +475,9 @@ class ControllerDriver:
             except ControllerLost:
                 return None
             except NoAnswer as again:
+                unanswered += isinstance(again, NoTimelyAnswer)
+                if unanswered >= MAX_UNANSWERED:
+                    return self._lose(f"{again}, {unanswered} times in a row")
                 self._hang_up_on(again)
         return None
 
