@@ -227,13 +227,13 @@ class DayModel:
         return last
 
     def solved(self, seconds: float, known: Sequence[Sequence[int]] = ()) -> int:
-        """The least makespan found in so many seconds of one worker; 0 if none was found."""
+        """The least makespan found with so much work of one worker; 0 if none was found."""
         for own, values in zip(self.moves, known, strict=False):
             for move, value in zip(own, values, strict=True):
                 self.cp.add_hint(move, value)
         solver = cp_model.CpSolver()
         solver.parameters.num_workers = 1
-        solver.parameters.max_time_in_seconds = seconds
+        solver.parameters.max_deterministic_time = seconds  # about seconds of one core
         found = solver.solve(self.cp) in (cp_model.OPTIMAL, cp_model.FEASIBLE)
         return round(solver.objective_value) if found else 0
 
