@@ -193,6 +193,7 @@ def test_instants_that_change_what_nobody_reads_are_apart_too(tmp_path: Path) ->
     [
         ("(shut) (at 5 (not (shut)))", "5.001"),
         ("(at 5 (not (shut))) (at 7 (shut)) (at 9 (not (shut)))", "9.001"),
+        ("(shut) (at 0.5 (not (shut))) (at 0.6 (not (able)))", "1"),
     ],
 )
 def test_a_goal_that_holds_until_it_is_undone_is_reached_again(
