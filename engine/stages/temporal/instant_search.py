@@ -184,8 +184,11 @@ class InstantSearch:
         cost = self.guide.evaluate(line)
         if not self.guide.reachable or (self.cut and self.guide.estimate >= self.bound):
             return NO_GOAL
-        if self.guide.length == 0 and line.opened == 0 and self._is_goal():
-            return node
+        if self.guide.length == 0 and line.opened == 0:
+            if self._is_goal():
+                return node
+            self._replay(node)  # what happens by itself has not happened yet
+            self.at = node
         if cost < self.best:
             self.best = cost
             self.boost_preferred -= 1000

@@ -82,6 +82,7 @@ class _Builder:
         self.units: dict[Fraction, int] = {}
         self.windows = Windows({}, {}, 0)
         self.read = self._read_numbers()
+        self.undone = {fact for timed in task.timed for fact in timed.happening.deletes}
         self.whole = tuple(map(self.is_whole, task.spans))
 
     def _read_numbers(self) -> frozenset[int]:
@@ -99,12 +100,13 @@ class _Builder:
     def is_whole(self, span: Span) -> bool:
         """Whether an end may directly follow its start in a sequence, without loss (Coles et al.
 
-        2009).
+        2009). What deletes by itself what the end adds may have to come between.
         """
         sure = {*span.holds, *span.start.adds}
         end = span.end
         plain = not end.deletes and not end.tests and set(end.needs) <= sure
         plain = plain and not end.facts_read and not end.numbers_read
+        plain = plain and self.undone.isdisjoint(end.adds)
         counted = any(update.number in self.read for update in span.end.updates)
         return span.instantaneous or (plain and not counted)
 

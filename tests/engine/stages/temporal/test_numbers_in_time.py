@@ -92,6 +92,7 @@ def outcome_of(folder: Path, **parts: str) -> PlannedInTime | NoPlanInTime:
         ({"effect": "(at end (increase (x) 2)) (at end (increase (x) 1))"}, "2"),
         ({"effect": "(at start (assign (x) 2)) (at end (increase (x) 1))"}, "2"),
         ({"condition": "(over all (> (x) 1))", "effect": "(at start (increase (x) 1))"}, "2"),
+        ({"effect": "(at start (assign (x) 2))", "facts": "(at 7 (= (x) 1))"}, "2"),
         ({"length": "(/ 4 (y))", "helps": "(increase (y) 1)", "facts": "(= (y) 1)"}, "3.001"),
         ({"length": "(/ 3 (y))", "helps": "(increase (y) 7)", "facts": "(= (y) 0)"}, "1.429571"),
         ({"length": "(y)", "helps": "(assign (y) 3)"}, "4.001"),

@@ -188,6 +188,27 @@ def test_instants_that_change_what_nobody_reads_are_apart_too(tmp_path: Path) ->
     assert makespan_of(task_of(tmp_path, flash, once).problem) == Fraction("0.001")
 
 
+@pytest.mark.parametrize(
+    ("facts", "makespan"),
+    [
+        ("(shut) (at 5 (not (shut)))", "5.001"),
+        ("(at 5 (not (shut))) (at 7 (shut)) (at 9 (not (shut)))", "9.001"),
+        ("(shut) (at 0.5 (not (shut))) (at 0.6 (not (able)))", "1"),
+    ],
+)
+def test_a_goal_that_holds_until_it_is_undone_is_reached_again(
+    tmp_path: Path, facts: str, makespan: str
+) -> None:
+    gate = """
+    (define (domain gate) (:requirements :durative-actions :timed-initial-literals)
+      (:predicates (able) (shut))
+      (:durative-action shut_it :parameters () :duration (= ?duration 1)
+        :condition (at start (able)) :effect (at end (shut))))
+    """
+    storm = f"(define (problem storm) (:domain gate) (:init (able) {facts}) (:goal (shut)))"
+    assert makespan_of(task_of(tmp_path, gate, storm).problem) == Fraction(makespan)
+
+
 NAMES = "pqrstu"
 
 
