@@ -14,6 +14,12 @@ from cellwright.kb.schema.form_base import (
     VariableTypes,
     WholeNumber,
 )
+from cellwright.kb.schema.time_forms import (
+    CALENDARS_ABOUT,
+    WINDOWS_ABOUT,
+    CalendarEntry,
+    WindowEntry,
+)
 
 
 class StaticEntry(Strict):
@@ -336,6 +342,8 @@ class Sections(Strict):
     motion: MotionEntry | None = Field(
         None, description="how an arm moves between places: what durations call travel(From, To)"
     )
+    windows: list[str | WindowEntry] = Field(default_factory=list, description=WINDOWS_ABOUT)
+    calendars: list[CalendarEntry] = Field(default_factory=list, description=CALENDARS_ABOUT)
     commands: CommandsEntry = Field(
         default_factory=lambda: CommandsEntry(), description="words and phrases that people use"
     )
