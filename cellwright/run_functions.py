@@ -155,10 +155,12 @@ def resume(
     watch: Watch | None = None,
     expansions: int = 1_000_000,
     seed: int = 0,
+    unchained: bool = False,
 ) -> Ran:
     """Go on with a run after a stop, a pause or a crash; no command is carried out twice.
 
-    Raises `InvalidInput`.
+    The journal is proved whole before anything is sent. One that version 0.2.0 began has no digests
+    to prove it by, and is taken if `unchained`. Raises `InvalidInput`.
     """
     from cellwright.engine.stages.planning import SearchLimits
 
@@ -167,7 +169,12 @@ def resume(
         watchers = [channel.watch, *([watch] if watch else [])]
         return Ran(
             execution.resume_run(
-                where, run, channel, watchers, SearchLimits(expansions, seed=seed)
+                where,
+                run,
+                channel,
+                watchers,
+                SearchLimits(expansions, seed=seed),
+                unchained=unchained,
             ),
             where,
         )

@@ -1,4 +1,6 @@
-"""The question whether to stop, and how much memory is left, for code without such an argument."""
+"""Lets code deep below a command ask whether to stop and how much memory is left, without arguments
+for that.
+"""
 
 import math
 from collections.abc import Callable, Iterator

@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False
-"""The derived atoms of a state, layer by layer: the least fixpoint of the rules of a layer, then
-what is not in it.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False
+"""Derived atoms of a state: the least fixpoint of the axioms of each layer, one layer after
+another.
 
 Plain Python, compiled with the types in `axioms.pxd`. A state is a row of bytes, in which atom i is
 bit `i % 8` of byte `i // 8`. Each rule counts the conditions that are still missing, so that each
@@ -11,7 +11,7 @@ is looked at once (Dowling & Gallier 1984).
 from array import array
 from collections.abc import Sequence
 
-from cellwright.engine.kernels.rows import rows
+from cellwright.engine.kernels.packed_rows import pack_rows
 
 
 class Closure:
@@ -39,9 +39,11 @@ class Closure:
         for rule, body in enumerate(bodies):
             for atom in body:
                 users[atom].append(rule)
-        self.user_starts, self.user_items = rows(users)
-        self.atom_starts, self.atom_items = rows([[atom for atom, _ in pairs] for pairs in negated])
-        _, self.other_items = rows([[other for _, other in pairs] for pairs in negated])
+        self.user_starts, self.user_items = pack_rows(users)
+        self.atom_starts, self.atom_items = pack_rows(
+            [[atom for atom, _ in pairs] for pairs in negated]
+        )
+        _, self.other_items = pack_rows([[other for _, other in pairs] for pairs in negated])
         own = set(derived)
         self.watched = array("i", [atom for atom in range(size) if users[atom] and atom not in own])
         self.missing, self.by = array("i", bytes(4 * self.rules)), array("i", bytes(4 * size))
@@ -139,10 +141,12 @@ class Upkeep:
             own[layers[rule]][heads[rule]] = None
             for atom in body:
                 users[atom].append(rule)
-        self.user_starts, self.user_items = rows(users)
-        self.head_starts, self.head_items = rows([list(each) for each in own])
-        self.atom_starts, self.atom_items = rows([[atom for atom, _ in pairs] for pairs in negated])
-        _, self.other_items = rows([[other for _, other in pairs] for pairs in negated])
+        self.user_starts, self.user_items = pack_rows(users)
+        self.head_starts, self.head_items = pack_rows([list(each) for each in own])
+        self.atom_starts, self.atom_items = pack_rows(
+            [[atom for atom, _ in pairs] for pairs in negated]
+        )
+        _, self.other_items = pack_rows([[other for _, other in pairs] for pairs in negated])
         recursive = {
             layer
             for layer, body in zip(layers, bodies, strict=True)

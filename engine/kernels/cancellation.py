@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False
 """How a search is stopped early: by Ctrl-C, a request to terminate, or a time limit.
 
 Whoever starts a search gives it an `Interrupted`: a function that says whether to stop. Loops of

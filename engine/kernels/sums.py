@@ -1,6 +1,6 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""Sums of numbers that are compared with 0, and how often a step must be repeated until a
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Linear sums of quantities compared with 0, and how often a step must be repeated until a
 comparison holds.
 
 Plain Python, compiled with the types in `sums.pxd`. Comparison i belongs to atom `atoms[i]`; where

@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""How much of each resource is taken at each time, and the earliest times at which a row of acts
-fits between.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Use of resources over time: how much of each is in use at each time, and the earliest starts at
+which a sequence of acts fits in.
 
 Plain Python, compiled with the types in `taken.pxd`. What a resource has is a row of times, in
 order, with how much is taken from each time on. All that is asked of a row of acts can only be

@@ -1,5 +1,5 @@
-"""Work that flows through a cell: many objects, each on a route of acts, over places and machines
-that they share.
+"""The flow-scheduling problem: many objects, each on a route of acts, share machines, arms and
+places.
 
 A route has layers; one act of each layer is done, one after another. Which one is a choice: another
 machine, arm or place. An act leads from one node to another, and the act of the next layer begins

@@ -7,7 +7,7 @@ from its fluents.
 
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TypeAlias
 
@@ -233,6 +233,10 @@ class Axioms:
     layers: Mapping[int, int]
     complements: Mapping[int, int]
     tests: tuple[Comparing, ...] = ()  # derived atoms that compare quantities
+
+    def __getstate__(self) -> dict[str, object]:
+        """What another process needs; it computes the rest anew."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @cached_property
     def derived(self) -> Bits:

@@ -1,4 +1,6 @@
-"""A problem in time over numbered facts and numbers, as the search in time has it."""
+"""The ground problem in time: action instances over numbered facts and numbers, for the search in
+time.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

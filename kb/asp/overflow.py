@@ -1,5 +1,4 @@
-"""Sums, differences, products and powers that clingo computes and that do not fit into its 32 bits:
-it wraps them without a word.
+"""Finds arithmetic of clingo that does not fit into its 32 bits; clingo wraps it silently.
 
 For each operation in a rule there are rules for the values with which it does so. They have the
 body of the rule, without the part that has the operation, unless that part binds a variable. What

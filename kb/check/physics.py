@@ -1,5 +1,5 @@
-"""What cannot be so in a real cell: steps without a duration beside others, arms that nobody holds,
-two bodies in one place, times below 0, and goals that nothing can make true.
+"""Warnings about what cannot be so in a real cell: two bodies in one place, arms that nobody holds,
+times below 0.
 """
 
 import re

@@ -21,7 +21,7 @@ from cellwright.kb.commands.clauses import (
     read_clauses,
 )
 from cellwright.kb.commands.domain_nouns import NounVocabulary
-from cellwright.kb.commands.everyday import Saying, sayings, swapping
+from cellwright.kb.commands.everyday_wordings import Saying, sayings, swapping
 from cellwright.kb.commands.exclusion import Exclusion
 from cellwright.kb.commands.object_references import References
 from cellwright.kb.commands.phrase_matching import Book

@@ -1,6 +1,6 @@
-"""Where a colon was left out of a YAML text. Parsers stop a line later, or many; the cause is where
-one more colon helps.
+"""Finds where a colon was left out of a YAML text that cannot be parsed.
 
+Parsers stop a line later, or many. The cause is where one more colon helps.
 A place counts only if the text with the colon is read without the error, or if the first error
 then comes later.
 """

@@ -1,5 +1,6 @@
-"""Where a full stop was left out of an ASP text. Parsers stop later; the cause is where one more
-full stop helps.
+"""Finds where a full stop was left out of an ASP text that cannot be parsed.
+
+Parsers stop at a later place. The cause is where one more full stop helps.
 """
 
 import re

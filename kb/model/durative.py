@@ -1,5 +1,5 @@
-"""Problems in time: durative actions, timed literals and numbers, before anything is grounded (Fox
-& Long 2003, level 3).
+"""The problem in time before grounding: durative actions, timed literals and numbers (PDDL 2.1,
+level 3).
 
 Numbers are exact. In a term, `Operation("/", ...)` divides without rounding, a `Function` is the
 value of a numeric function, and `DURATION` is the length of the step. A `Comparison` that is

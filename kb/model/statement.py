@@ -1,5 +1,4 @@
-"""A statement of ASP as a value: the predicates that it defines and uses, its place, and its text
-for clingo.
+"""A statement of ASP as a value: predicates that it defines and uses, its place, its text.
 
 `cellwright.kb.asp.statements` makes statements from files, once. All questions about a rule are
 answered by the value, never by a look into the text. The text can mislead: `beside(` contains

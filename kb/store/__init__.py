@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from cellwright.kb.store.store_maintenance import migrate_library as migrate_library
     from cellwright.kb.store.store_maintenance import restore_backup as restore_backup
     from cellwright.kb.store.store_maintenance import store_damage as store_damage
+    from cellwright.kb.store.store_maintenance import verify_journals as verify_journals
     from cellwright.kb.store.store_maintenance import write_backup as write_backup
     from cellwright.kb.store.term_notation import NotationError as NotationError
     from cellwright.kb.store.term_notation import Requirement as Requirement
@@ -61,6 +62,7 @@ else:
                 "migrate_library",
                 "restore_backup",
                 "store_damage",
+                "verify_journals",
                 "write_backup",
             ),
             ".term_notation": (

@@ -244,6 +244,12 @@ def open_transaction(
         raise refused_by(error, where, "the library cannot be used", hint) from error
 
 
+def at_one_moment(engine: Engine) -> Engine:
+    """The engine with transactions in which all statements see the same state."""
+    lite = engine.dialect.name == "sqlite"  # it knows no other ones
+    return engine if lite else engine.execution_options(isolation_level="REPEATABLE READ")
+
+
 def _open_connection(engine: Engine, writes: bool, apart: bool) -> Connection:
     opened = engine.connect().execution_options(writes=writes)
     return (

@@ -1,17 +1,21 @@
-"""Journals of runs, in the same database as the MACROPs: what was appended is on the disk when
-`append` returns.
+"""Journals of runs in the database of the MACROPs: what was appended is on disk when `append`
+returns.
 
-A journal is only appended to. Its lines count from 1 without gaps, so what is missing would be
-seen.
+A journal is only appended to. Its lines count from 1 without gaps, and each carries a digest that
+depends on all lines before it (`cellwright.kb.store.journal_chain`). The last number and digest are
+kept in a table of their own and are written with the line, so what is missing, changed or exchanged
+is seen, and a kill never looks like a cut.
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import (
+    BigInteger,
     Column,
+    Connection,
     Integer,
     MetaData,
     PoolProxiedConnection,
@@ -26,10 +30,20 @@ from cellwright.kb.json_text import parse_json
 from cellwright.kb.store.database import (
     MIGRATION,
     Database,
+    at_one_moment,
     lock_key,
     open_transaction,
     store_refusal,
 )
+from cellwright.kb.store.journal_chain import (
+    ChainHead,
+    StoredLine,
+    chain_findings,
+    first_link,
+    next_link,
+    seal_of,
+)
+from cellwright.kb.store.site_key import site_key
 
 metadata = MetaData()
 runs = Table(
@@ -44,10 +58,19 @@ lines = Table(
     metadata,
     Column("run", String, primary_key=True),
     Column("number", Integer, primary_key=True, autoincrement=False),
-    Column("at_ms", Integer, nullable=False),
+    Column("at_ms", BigInteger, nullable=False),
     Column("kind", String, nullable=False),
     Column("content", Text, nullable=False),
+    Column("link", String(64)),  # NULL in journals that were begun before schema 9
     sqlite_with_rowid=False,
+)
+heads = Table(
+    "journal_heads",
+    metadata,
+    Column("run", String, primary_key=True),
+    Column("number", Integer, nullable=False),
+    Column("link", String(64), nullable=False),
+    Column("seal", String(64)),
 )
 JOURNAL_PAGE_LINES = 5_000  # lines that are read at once
 # made once: `json.dumps` makes one for each line
@@ -83,14 +106,17 @@ class Begun:
 
 
 class Journal(Database):
-    """The journals in a database, given by a file or a URL.
+    """The journals in a database, given by a file or a URL. With a `key`, heads are sealed; without
+    one, the key of the site is taken if it has one.
 
-    Raises `InvalidInput` if the database cannot be opened.
+    Raises `InvalidInput` if the database cannot be opened, or the key cannot be read.
     """
 
-    def __init__(self, target: str) -> None:
+    def __init__(self, target: str, key: bytes | None = None) -> None:
+        self._key = site_key() if key is None else key
         super().__init__(target, durable=True)
         self._held: PoolProxiedConnection | None = None
+        self._heads: dict[str, ChainHead | None] = {}  # None: a journal without a chain
         with open_transaction(self._engine, target, writes=True) as connection:
             lock_key(connection, MIGRATION)
             metadata.create_all(connection)
@@ -105,9 +131,11 @@ class Journal(Database):
         """Make a journal; False if there is one of this name already."""
         if self.run(run) is not None:
             return False
+        text = json.dumps(document, ensure_ascii=False)
+        head = self._sealed(run, 0, first_link(run, begun, text))
         with open_transaction(self._engine, self.target, writes=True) as connection:
-            row = {"run": run, "begun": begun, "document": json.dumps(document, ensure_ascii=False)}
-            connection.execute(runs.insert(), [row])
+            connection.execute(runs.insert(), [{"run": run, "begun": begun, "document": text}])
+            connection.execute(heads.insert(), [{"run": run, **head._asdict()}])
         return True
 
     def withdraw(self, run: str) -> None:
@@ -115,28 +143,56 @@ class Journal(Database):
         if not self.last(run):
             with open_transaction(self._engine, self.target, writes=True) as connection:
                 connection.execute(runs.delete().where(runs.c.run == run))
+                connection.execute(heads.delete().where(heads.c.run == run))
 
     def append(self, run: str, group: Sequence[JournalLine]) -> None:
         """Append lines in one transaction, and have them written to the disk.
 
-        Raises `JournalFailure`.
+        Raises `JournalFailure`, also if another process has appended to this journal meanwhile.
         """
         errors = self._engine.dialect.loaded_dbapi.Error
         lite = self._engine.dialect.name == "sqlite"
-        marks = "?, ?, ?, ?, ?" if lite else "%s, %s, %s, %s, %s"
+        mark = "?" if lite else "%s"
         try:
+            head = self._head_of(run)
+            rows, new = _linked_rows(group, head)
             held = self._writing()
             cursor = held.cursor()
             if lite:
                 cursor.execute("BEGIN IMMEDIATE")
             cursor.executemany(
-                f"INSERT INTO journal (run, number, at_ms, kind, content) VALUES ({marks})",
-                [(run, *_line_row(line)) for line in group],
+                "INSERT INTO journal (run, number, at_ms, kind, content, link) "
+                f"VALUES ({', '.join([mark] * 6)})",
+                [(run, *row) for row in rows],
             )
+            if head is not None and new is not None:
+                new = self._sealed(run, new.number, new.link)
+                cursor.execute(
+                    f"UPDATE journal_heads SET number = {mark}, link = {mark}, seal = {mark} "
+                    f"WHERE run = {mark} AND link = {mark}",
+                    (*new, run, head.link),
+                )
+                if cursor.rowcount != 1:
+                    raise JournalFailure("another process has written to the journal of this run")
             held.commit()
-        except errors as error:
-            self._forget()
+        except (errors, InvalidInput) as error:
+            self._forget(run)
             raise JournalFailure(" ".join(str(error).split())[:200]) from error
+        except JournalFailure:
+            self._forget(run)
+            raise
+        self._heads[run] = new
+
+    def _head_of(self, run: str) -> ChainHead | None:
+        """The head behind which the next line is written; None if the journal has no chain."""
+        if run not in self._heads:
+            with open_transaction(self._engine, self.target) as connection:
+                self._heads[run] = _stored_head(connection, run)
+        return self._heads[run]
+
+    def _sealed(self, run: str, number: int, link: str) -> ChainHead:
+        head = ChainHead(number, link)
+        return head if self._key is None else head._replace(seal=seal_of(self._key, run, head))
 
     def _writing(self) -> PoolProxiedConnection:
         """The connection that appends."""
@@ -144,11 +200,29 @@ class Journal(Database):
             self._held = self._engine.raw_connection()
         return self._held
 
-    def _forget(self) -> None:
+    def _forget(self, run: str) -> None:
         """Give up the connection, and with it what was not committed."""
+        self._heads.pop(run, None)
         held, self._held = self._held, None
         if held is not None:
             held.invalidate()
+
+    def require_whole(self, run: str, unchained: bool = False) -> None:
+        """Prove that nothing of a journal was changed, exchanged or left out since it was written.
+
+        A journal that has no chain, because an older version began it, is accepted if the caller
+        says so; its numbers have no gaps then. Raises `InvalidInput`.
+        """
+        with open_transaction(at_one_moment(self._engine), self.target) as connection:
+            proved = journal_proof(connection, run, self._key)
+        if proved.findings:
+            said = "; ".join(proved.findings)
+            message = f"the journal of run '{run}' is damaged: {said}"
+            raise store_refusal(self.target, message, WHOLE_HINT, "K422")
+        if not proved.chained and not unchained:
+            message = f"the journal of run '{run}' has no digests: an older version began it"
+            hint = "--unchained goes on with it: then only its numbers are checked"
+            raise store_refusal(self.target, message, hint, "K421")
 
     def run(self, name: str) -> Begun | None:
         """The run of this name; None if there is none."""
@@ -222,8 +296,81 @@ class Journal(Database):
                 return
 
 
-def _line_row(line: JournalLine) -> tuple[int, int, str, str]:
-    return line.number, line.at_ms, line.kind, _encoded(line.content)
+WHOLE_HINT = "`cellwright store restore BACKUP --replace` puts a backup in its place"
+
+
+class JournalProof(NamedTuple):
+    """What a look at a whole journal has shown: what does not fit, how many lines it has, whether
+    they are chained, and whether the head has the seal of the key that was given.
+    """
+
+    findings: tuple[str, ...]
+    lines: int
+    chained: bool
+    sealed: bool = False
+
+
+def journal_proof(connection: Connection, run: str, key: bytes | None = None) -> JournalProof:
+    """Look at each line of a journal, and at its head."""
+    head, first = _stored_head(connection, run), _stored_beginning(connection, run)
+    count = 0
+
+    def stored() -> Iterator[StoredLine]:
+        nonlocal count
+        asked = select(
+            lines.c.number, lines.c.at_ms, lines.c.kind, lines.c.content, lines.c.link
+        ).where(lines.c.run == run)
+        options = {"yield_per": JOURNAL_PAGE_LINES}
+        for row in connection.execute(asked.order_by(lines.c.number), execution_options=options):
+            count += 1
+            yield StoredLine(*row)
+
+    if head is None:
+        findings, linked = _unchained_findings(stored())
+        return JournalProof(findings, count, chained=linked)
+    if first is None:
+        return JournalProof(("what the run was begun with is missing",), count, chained=True)
+    found = list(chain_findings(first, stored(), head))
+    sealed = key is not None and head.seal is not None
+    if key is not None and head.seal != seal_of(key, run, head):
+        found.append("it is not sealed with this key")
+    return JournalProof(tuple(found), count, chained=True, sealed=sealed)
+
+
+def _unchained_findings(stored: Iterable[StoredLine]) -> tuple[tuple[str, ...], bool]:
+    """What does not fit in a journal without a head, and whether it had one."""
+    findings, linked = list[str](), False
+    for number, line in enumerate(stored, start=1):
+        linked |= line.link is not None
+        if line.number != number:
+            findings.append(f"line {number} is missing")
+            break
+    return tuple([*findings, "its head is missing"] if linked else findings), linked
+
+
+def _stored_head(connection: Connection, run: str) -> ChainHead | None:
+    asked = select(heads.c.number, heads.c.link, heads.c.seal).where(heads.c.run == run)
+    row = connection.execute(asked).first()
+    return None if row is None else ChainHead(*row)
+
+
+def _stored_beginning(connection: Connection, run: str) -> str | None:
+    """The digest before the first line of a run."""
+    row = connection.execute(select(runs).where(runs.c.run == run)).first()
+    return None if row is None else first_link(*row)
+
+
+def _linked_rows(
+    group: Sequence[JournalLine], head: ChainHead | None
+) -> tuple[list[tuple[int, int, str, str, str | None]], ChainHead | None]:
+    """The rows of lines behind a head, and the head behind them."""
+    rows = list[tuple[int, int, str, str, str | None]]()
+    for line in group:
+        text = _encoded(line.content)
+        link = head and next_link(head.link, line.number, line.at_ms, line.kind, text)
+        rows.append((line.number, line.at_ms, line.kind, text, link))
+        head = ChainHead(line.number, link) if link else None
+    return rows, head
 
 
 def _line_content(target: str, text: str) -> dict[str, Any]:

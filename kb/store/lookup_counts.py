@@ -1,4 +1,4 @@
-"""Which lookups have paid, as a library counts them; read from a file without opening the library.
+"""Counts of which MACROP lookups have paid, read from a library's file without opening the library.
 
 To open a library takes longer than to plan a small problem. So a command that plans once asks here
 first, with a few lines of SQL and without SQLAlchemy. Whatever is the matter with the file, the

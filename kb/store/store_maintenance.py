@@ -7,6 +7,7 @@ import contextlib
 import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -31,6 +32,7 @@ from cellwright.kb.json_text import parse_json
 from cellwright.kb.store.case_store import cases
 from cellwright.kb.store.case_store import metadata as case_tables
 from cellwright.kb.store.database import (
+    at_one_moment,
     connect_engine,
     existing_engine,
     open_engine,
@@ -38,11 +40,13 @@ from cellwright.kb.store.database import (
     store_refusal,
     store_url,
 )
-from cellwright.kb.store.journal import lines, runs
+from cellwright.kb.store.journal import JournalProof, journal_proof, lines, runs
 from cellwright.kb.store.journal import metadata as journal_tables
 from cellwright.kb.store.macrop_documents import loads
+from cellwright.kb.store.site_key import site_key
 from cellwright.kb.store.table_schema import (
     CURRENT_SCHEMA,
+    FIRST_CHAINED_SCHEMA,
     dependencies,
     macrops,
     outlines,
@@ -83,8 +87,9 @@ def check_library(store: str) -> tuple[list[Diagnostic], Rows]:
     Raises `InvalidInput` if this is no library.
     """
     damages, rows = list[str](), Rows()
-    with existing_engine(store) as engine:
-        _require_library(engine, store)
+    with existing_engine(store) as opened:
+        _require_library(opened, store)
+        engine = at_one_moment(opened)
         for look in (_page_damage, _schema_damage, _reference_damage, *_DOCUMENT_CHECKS):
             damages += _look_for_damage(engine, store, look)
         for store_table in store_tables():
@@ -174,6 +179,8 @@ def _schema_damage(connection: Connection) -> Iterator[str]:
             if columns_there
             else []
         )
+        if version_of(connection) < FIRST_CHAINED_SCHEMA and table.name == lines.name:
+            missing = [name for name in missing if name != lines.c.link.name]
         yield from (f"the table '{table.name}' has no column '{name}'" for name in missing)
 
 
@@ -239,12 +246,62 @@ def _requirement_damage(connection: Connection) -> Iterator[str]:
 
 
 def _journal_damage(connection: Connection) -> Iterator[str]:
-    """Journals whose lines do not count from 1 without gaps."""
+    """Journals that are not as they were written, or whose numbers have gaps."""
+    if not inspect(connection).has_table(lines.name):
+        return
+    if version_of(connection) < FIRST_CHAINED_SCHEMA:
+        yield from _numbering_damage(connection)
+        return
+    for run in known_journals(connection):
+        for finding in journal_proof(connection, run).findings:
+            yield f"the journal of run '{run}': {finding}"
+
+
+@dataclass(frozen=True, slots=True)
+class VerifiedJournal:
+    """A journal that was looked at from its first line to its head, and who began it when."""
+
+    run: str
+    begun: str
+    account: str
+    proof: JournalProof
+
+
+def verify_journals(store: str) -> tuple[VerifiedJournal, ...]:
+    """Each journal of a library, proved line by line, and by the key of the site if it has one.
+
+    Raises `InvalidInput` if this is no library, or one of an older version.
+    """
+    key = site_key()
+    with existing_engine(store) as opened:
+        _require_library(opened, store)
+        with open_transaction(at_one_moment(opened), store) as connection:
+            if version_of(connection) < FIRST_CHAINED_SCHEMA:
+                hint = "any command that writes to it brings it up to date"
+                raise store_refusal(store, "journals of this version have no chains", hint)
+            stored_runs = {run: rest for run, *rest in connection.execute(select(runs))}
+            verified = list[VerifiedJournal]()
+            for run in known_journals(connection):
+                begun, text = stored_runs.get(run, ("", "{}"))
+                about = _parse_json(text)
+                account = about.get("account", "") if isinstance(about, dict) else ""
+                proof = journal_proof(connection, run, key)
+                verified.append(VerifiedJournal(run, begun, str(account), proof))
+    return tuple(verified)
+
+
+def known_journals(connection: Connection) -> list[str]:
+    """The runs that have a journal, or of whose journal something is left."""
+    names = set(inspect(connection).get_table_names())
+    tables = [table for table in journal_tables.sorted_tables if table.name in names]
+    return sorted({run for table in tables for (run,) in connection.execute(select(table.c.run))})
+
+
+def _numbering_damage(connection: Connection) -> Iterator[str]:
+    """Journals of older versions whose lines do not count from 1 without gaps."""
     asked = select(
         lines.c.run, func.count(), func.min(lines.c.number), func.max(lines.c.number)
     ).group_by(lines.c.run)
-    if not inspect(connection).has_table(lines.name):
-        return
     for run, count, first, last in connection.execute(asked):
         if (first, last) != (1, count):
             yield (
@@ -417,8 +474,7 @@ def _both_transactions(
     one: Engine, its: str, other: Engine, name: str
 ) -> Iterator[tuple[Connection, Connection]]:
     """A transaction that reads from one database, and one that writes to another."""
-    options = {} if one.dialect.name == "sqlite" else {"isolation_level": "REPEATABLE READ"}
-    reading, writing = one.execution_options(**options), open_transaction(other, name, writes=True)
+    reading, writing = at_one_moment(one), open_transaction(other, name, writes=True)
     try:
         with open_transaction(reading, its) as source, writing as target:
             yield source, target

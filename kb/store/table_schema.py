@@ -24,6 +24,7 @@ from sqlalchemy import (
     inspect,
     literal,
     select,
+    text,
     update,
 )
 
@@ -204,6 +205,19 @@ def _with_units(connection: Connection) -> None:
     metadata.create_all(connection, [units])
 
 
+def _with_chained_journals(connection: Connection) -> None:
+    """Give lines of journals a place for their digest, and times of more than 24 days.
+
+    Journals that are there already stay without a chain.
+    """
+    if not inspect(connection).has_table("journal"):
+        return
+    if "link" not in {column["name"] for column in inspect(connection).get_columns("journal")}:
+        connection.execute(text("ALTER TABLE journal ADD COLUMN link VARCHAR(64)"))
+    if connection.dialect.name == "postgresql":
+        connection.execute(text("ALTER TABLE journal ALTER COLUMN at_ms TYPE BIGINT"))
+
+
 SCHEMA_MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _create_first_tables,
     _with_usage,
@@ -213,8 +227,10 @@ SCHEMA_MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _with_outlines,
     _with_poses,
     _with_units,
+    _with_chained_journals,
 )
 CURRENT_SCHEMA = len(SCHEMA_MIGRATIONS)
+FIRST_CHAINED_SCHEMA = 9  # whose journals have chains
 
 
 class NewerSchema(Exception):

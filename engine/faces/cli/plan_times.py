@@ -1,4 +1,4 @@
-"""`cellwright plan --pddl` for a task with times."""
+"""`cellwright plan --pddl` for a task with durative actions or timed literals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -69,7 +69,7 @@ def _answer(wanted: TimedRequest, form: PlanForm, stats: bool) -> VerbAnswer:
     from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
     from cellwright.engine.formats.interop.pddl import durative
     from cellwright.engine.formats.interop.pddl.durative.plans import timed_words, write_timed_plan
-    from cellwright.engine.formats.report import timed
+    from cellwright.engine.formats.report.plans import timed_plan_report
     from cellwright.engine.model.temporal import NoPlanInTime
     from cellwright.engine.pipelines.planning.temporal_plans import plan_with_times
 
@@ -84,10 +84,10 @@ def _answer(wanted: TimedRequest, form: PlanForm, stats: bool) -> VerbAnswer:
         return f"({' '.join(timed_words(task, action))})"
 
     return VerbAnswer(
-        timed.status(outcome),
-        timed.document(outcome, named, stats) if form is PlanForm.JSON else {},
-        text=lambda: timed.text(outcome, named, stats),
-        code=INTERRUPTED if interrupted.heard else CODES[timed.status(outcome)],
+        timed_plan_report.status(outcome),
+        timed_plan_report.document(outcome, named, stats) if form is PlanForm.JSON else {},
+        text=lambda: timed_plan_report.text(outcome, named, stats),
+        code=INTERRUPTED if interrupted.heard else CODES[timed_plan_report.status(outcome)],
         diagnostics=task.warnings,
         raw=raw,
     )

@@ -1,4 +1,6 @@
-"""Slow answers from a process of their own: motions, why a step is there, measurement order."""
+"""Slow answers for a page, computed in another process: motions, why a step is there, measurement
+order.
+"""
 
 import asyncio
 import multiprocessing

@@ -1,4 +1,6 @@
-"""The cell in 3D: arms on their way, what they hold and have met, and the path being moved."""
+"""The 3D view of a cell: arms in motion, what they hold, obstacles they met, and the path being
+moved.
+"""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -270,6 +270,7 @@ class RunFollower:
     def __init__(self, store: str, run: str, initial: Sequence[str] = ()) -> None:
         with Journal(store) as journal:
             self.about: Mapping[str, Any] = journal.known(run).document
+            journal.require_whole(run, unchained=True)
         self.store, self.run = store, run
         self.records = RecordPages(self._read)
         self._exceptions: list[int] = []

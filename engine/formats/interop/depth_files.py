@@ -1,5 +1,4 @@
-"""Depth images and clouds of points from files: NumPy arrays, 16-bit PNG, and the points of PCD and
-PLY files.
+"""Reads depth images and clouds of points: NumPy arrays, 16-bit PNG, PCD and PLY.
 
 A row of an array or a PNG is a row of the picture. Points are in the camera's frame in metres; each
 is put into its pixel, the nearest one counts.

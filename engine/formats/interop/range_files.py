@@ -1,5 +1,5 @@
-"""Range images in files: our own `.npz` with ranges, strengths and the tool; depth images of
-others, read for a tool.
+"""Range images in files: our own `.npz`, and depth images of other programs read for a ranging
+tool.
 """
 
 import io

@@ -1,5 +1,5 @@
 """Columns of tables that give a tolerance by its two ends, under the names that measuring programs
-write.
+use.
 
 The zone goes from the lower to the upper deviation from the nominal value. Its width is the
 tolerance; if it lies unevenly, the value in its middle is what the measurement should give.

@@ -1,7 +1,6 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Sines, cosines and angles with the same bits on every processor, which those of libraries need
-not have.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Sine, cosine and arctangent with the same bits on every processor; those of libraries may differ.
 
 An angle is reduced to an eighth of a turn around 0 (Cody & Waite 1980); the polynomials are those
 of FDLIBM (Sun 1993). The error is below 1e-15 for angles of up to a million turns; with larger

@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Collision of whole scenes, configuration after configuration. A pair is looked at closely only
-when its bounding volumes meet.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Collision checks and distances of a whole scene, one configuration after another; pairs whose
+bounding volumes are apart are skipped.
 """
 
 import math

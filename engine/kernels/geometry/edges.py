@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Straight lines between configurations, each checked whole: from coarse to fine, until a
-configuration touches.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Collision checks of straight lines between configurations: samples from coarse to fine, until one
+touches.
 
 Sixteen configurations, spread over the whole line, are looked at side by side. What touched last is
 looked at first, because the next line is near the last one.

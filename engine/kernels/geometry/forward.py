@@ -1,6 +1,6 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Where the carrier of a joint is, from its parent's."""
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Forward kinematics of one joint: the pose of its carrier (the link behind it)."""
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.geometry import angles

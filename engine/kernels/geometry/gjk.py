@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
 """Distance between two convex hulls, given as stretches of rows of one array of vertices.
 
 By the algorithm of Gilbert, Johnson & Keerthi (1988), with the simplex of the difference kept

@@ -1,6 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Sixteen configurations on a line looked at side by side, in single precision (`lanes.h`).
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Sixteen configurations on a line checked for collision side by side, in single precision
+(`lanes.h`).
 
 This spares work, and changes no answer: a lane that is not surely apart, or surely touching, by
 more than all rounding is in doubt, and whoever asks looks at the groups of pairs in doubt in double

@@ -1,6 +1,6 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False
-"""How convex pieces and pairs of them are laid out in arrays.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False
+"""Convex pieces, and the pairs of them to be checked, as arrays for the collision kernels.
 
 Each class checks once what kernels rely on. It keeps every array twice: by its name for NumPy, and
 with an underscore for the kernels, which read it there without touching an object.

@@ -1,6 +1,8 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Joints as kernels read them, and where their carriers are."""
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Joints as kernels read them, and forward kinematics: where all carriers (links and moved bodies)
+are.
+"""
 
 import cython
 import numpy as np

@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Proofs that nothing touches anywhere on a path, not only at the places looked at (Schwarzer, Saha
-& Latombe 2005).
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Proofs that a whole path is free of collision, also between its samples (Schwarzer, Saha &
+Latombe 2005).
 
 From the middle of a stretch of a straight line, no point of a piece moves farther than its joints
 turn times its distance from their axes. Pieces that are farther apart than that do not touch on the

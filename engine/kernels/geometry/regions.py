@@ -1,6 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Questions to many pieces that stand in the world, put by a few that move or stand.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Collision and distance between the few pieces of an arm and the many pieces that stand in the
+cell, by a hierarchy of boxes.
 
 A question goes down a hierarchy of boxes. A standing piece that it finds is brought into the room
 of those that ask, where both are compared as any two pieces are. So a question costs nothing for

@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Pieces where their carriers are: what kernels write while they go through a batch of carrier
-poses.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Convex pieces at their current poses: where kernels write vertices and bounds while they go
+through a batch of carrier poses (a carrier is a link, or a body that moves).
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""All that touches in some sampled carrier poses: what is worth a look before a walk down a
-hierarchy is learned from it.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Which pairs of pieces touch in some sampled poses: from this it is learned which pairs are worth
+a check first.
 """
 
 import cython

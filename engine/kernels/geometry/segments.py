@@ -1,6 +1,6 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Gaps between points, segments and blocks, by formulas of their own.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Distances between points, segments and boxes, by closed formulas.
 
 A piece of one or two vertices is a segment.
 """

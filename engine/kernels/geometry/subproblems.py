@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""The canonical problems of inverse kinematics: by which angles a vector is turned about a unit
-axis to get somewhere.
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Subproblems of inverse kinematics: the angles by which a vector turns about an axis to reach
+another vector, a plane or an angle.
 
 Turning a vector onto another is subproblem 1 of Paden (1986); turning it until it meets a plane is
 subproblem 4 of Elias & Wen (2022), and the distance problem, 3, is the same equation.

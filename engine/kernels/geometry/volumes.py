@@ -1,6 +1,6 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Balls and blocks around pieces: they decide about most pairs without any iteration."""
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Bounding balls and boxes of pieces: they decide most pairs without an iteration."""
 
 import cython
 

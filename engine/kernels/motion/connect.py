@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Two trees of free lines, from the starts and from the goals, grown until they meet (Kuffner &
-LaValle 2000, RRT-Connect).
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Path planning by two trees of collision-free lines, from the starts and from the goals, until
+they meet (RRT-Connect, Kuffner & LaValle 2000).
 
 Samples are quasi-random. The smaller tree grows next, so that neither is caught behind a narrow
 passage for long.

@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Paths made shorter: corners left out, then straight bridges between two places of the path
-(Geraerts & Overmars 2007).
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Shortens a path: leaves corners out, then joins two places by a straight line (Geraerts &
+Overmars 2007).
 
 The places are quasi-random, so that the same path is always shortened in the same way.
 """

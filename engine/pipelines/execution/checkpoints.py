@@ -24,7 +24,7 @@ from cellwright.engine.pipelines.execution.run_resumption import PastRun
 from cellwright.engine.pipelines.recovery import StepAchievement, SymbolicWorld
 from cellwright.engine.pipelines.recovery.symbolic_world import achievement_of
 from cellwright.engine.stages.execution.start_forecast import Accuracy
-from cellwright.kb.cycles import no_search_for_cycles
+from cellwright.kb.garbage_collection import no_search_for_cycles
 from cellwright.kb.store.journal import Journal, JournalLine
 
 MIN_PAGED_STEPS = 1_000  # steps of a plan that is written anew when a part of it is done

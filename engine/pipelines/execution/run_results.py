@@ -43,6 +43,7 @@ def results_of(store: str, run: str) -> Results:
     """
     with Journal(store) as journal:
         begun = journal.known(run)
+        journal.require_whole(run, unchained=True)
         about = begun.document
         problem = problem_of(*(str(about.get(key, "")) for key in ("target", "goals", "command")))
         with reading_past(store, run):
@@ -69,6 +70,7 @@ def survey_of(store: str, run: str) -> Told:
     """
     with Journal(store) as journal:
         begun = journal.known(run)
+        journal.require_whole(run, unchained=True)
         about = begun.document
         problem = problem_of(*(str(about.get(key, "")) for key in ("target", "goals", "command")))
         with reading_past(store, run):

@@ -38,7 +38,7 @@ from cellwright.engine.ports import Driver, Simulated
 from cellwright.engine.stages import execution as executive
 from cellwright.engine.stages.execution import ExecutiveState, Running, standing_of, unrested_after
 from cellwright.engine.stages.execution.start_forecast import Accuracy
-from cellwright.kb.cycles import no_search_for_cycles
+from cellwright.kb.garbage_collection import no_search_for_cycles
 from cellwright.kb.model.measured_results import Measured
 from cellwright.kb.terms import Atom
 

@@ -1,6 +1,9 @@
 """Start of a run: plan, driver, journal, ordered faults, and facts known beside the problem."""
 
+import getpass
 import itertools
+import os
+import platform
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -270,13 +273,17 @@ def resume_run(
     watchers: Sequence[Watcher] = (),
     limits: SearchLimits = SearchLimits(),
     factor: float | None = None,
+    unchained: bool = False,
 ) -> Finish:
     """Go on with a run from its journal; with another `factor` of real time, if one is given.
 
-    Raises `InvalidInput` if there is no such run, or if it is over.
+    The journal is proved whole before anything is asked of the driver; one that an older version
+    began has no chain, and is taken if `unchained` says so. Raises `InvalidInput` if there is no
+    such run, if it is over, or if its journal is damaged.
     """
     with Journal(store) as journal:
         about = journal.known(run).document
+        journal.require_whole(run, unchained)
         problem = _read_problem(
             *(str(about.get(key, "")) for key in ("target", "goals", "command"))
         )
@@ -322,7 +329,9 @@ def follow_run(
     Raises `InvalidInput` if there is none.
     """
     with Journal(store) as journal:
-        pace = float(journal.known(run).document["factor"]) if factor is None else factor
+        begun = journal.known(run)
+        journal.require_whole(run, unchained=True)
+        pace = float(begun.document["factor"]) if factor is None else factor
         last = journal.last(run, RecordKind.PLAN.value)
         lines = journal.lines(run, last - 1) if pace and last else ()
         return pace, [
@@ -384,12 +393,22 @@ def name_run(request: RunRequest, problem: Problem) -> RunRequest:
             [request.run] if request.run else (f"{problem.name}-{n}" for n in itertools.count(1))
         ):
             named_request = replace(request, run=run, options=_with_log(request, run))
-            if journal.begin(run, begun, run_document(named_request, problem)):
+            document = {**run_document(named_request, problem), "account": account_name()}
+            if journal.begin(run, begun, document):
                 return named_request
     hint = f"give another name with --name, or go on with it: cellwright resume {request.run}"
     raise InvalidInput(
         [Diagnostic(Source("--name"), "K421", f"there is a run {request.run} already", hint)]
     )
+
+
+def account_name() -> str:
+    """The account that this process works for, and its machine."""
+    try:
+        name = getpass.getuser()
+    except (KeyError, OSError):  # an account without a name
+        name = str(os.getuid())
+    return f"{name}@{platform.node()}"
 
 
 @contextmanager

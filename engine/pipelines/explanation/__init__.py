@@ -18,7 +18,7 @@ from cellwright.engine.pipelines.explanation.blocked_steps import (
 )
 from cellwright.engine.pipelines.explanation.companion_events import find_companions
 from cellwright.engine.pipelines.explanation.helpful_changes import ChangeSearch
-from cellwright.engine.pipelines.explanation.lacking import refill
+from cellwright.engine.pipelines.explanation.missing_amounts import refill
 from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
 from cellwright.engine.pipelines.explanation.unreachable_goals import (
     GoalOrStage,

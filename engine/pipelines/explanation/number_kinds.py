@@ -1,4 +1,5 @@
-"""Which places of facts hold numbers of one kind: a number of microlitres is no number of shelves.
+"""Which arguments of facts hold numbers of one kind, so that microlitres are not compared with
+shelf numbers.
 
 Places share a kind if some rule or operator has one variable in both, or compares the two. A place
 is an argument of a predicate, of a function or of a quantity.

@@ -1,5 +1,5 @@
-"""Which facts stand in the way of steps, and which say what there is: only the former are removed
-in a proposal.
+"""Which facts a proposal may remove: those that stand in the way of steps, not those that define
+what the goals mean.
 
 `broken(left)` stands in the way of a step that needs `not broken(Arm)`. `of(hole_3, plate)` says
 what "every hole of the plate" means: without it the goal would be smaller, and no engineer would

@@ -1,4 +1,4 @@
-"""Values of the model taken apart: everything inside them, and the names in them."""
+"""Walks through values of the model: every value inside one, and every name in it."""
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass

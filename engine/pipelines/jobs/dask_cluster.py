@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.pipelines.jobs.input_digests import program_digest
 from cellwright.engine.pipelines.jobs.work_units import WorkKind, WorkUnit, carry_out_unit
-from cellwright.kb.cycles import seldom_searched
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.garbage_collection import seldom_searched
 
 if TYPE_CHECKING:
     import distributed

@@ -9,7 +9,7 @@ import ctypes
 import signal
 import sys
 
-from cellwright.kb.cycles import search_seldom
+from cellwright.kb.garbage_collection import search_seldom
 
 PR_SET_PDEATHSIG = 1
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from cellwright.engine.pipelines.jobs.parent_exit import end_with_parent
 from cellwright.engine.pipelines.jobs.work_units import WorkKind, WorkUnit, carry_out_unit
-from cellwright.kb.cycles import search_seldom
+from cellwright.kb.garbage_collection import search_seldom
 
 MIN_WORKER_MB = 1024  # megabytes: below that not even the libraries fit
 

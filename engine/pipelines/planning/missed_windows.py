@@ -1,5 +1,4 @@
-"""Times that cannot be kept, whatever the plan: windows that close, and jobs that are due, before
-anybody can be there.
+"""Finds time windows and due times that no plan can keep, because nobody can be there so early.
 
 The earliest time of a fact is that of its quickest step, after the latest of what the step needs
 (Haslum & Geffner 2001). Steps may overlap, so no plan is sooner.

@@ -1,5 +1,5 @@
-"""Places that a goal asks for and that something else takes at the start: the plan moves it,
-and people should know.
+"""Finds places that a goal asks for and that something else takes at the start, so that people are
+told that the plan moves it.
 """
 
 from collections.abc import Iterator

@@ -1,6 +1,4 @@
-"""From a problem in time to a checked plan: instances, search, and the gate of the checker of
-time.
-"""
+"""From a problem in time to a checked plan: grounding, search, and the checker's verdict."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -21,7 +21,7 @@ from cellwright.engine.model.troubleshooting import (
     Try,
 )
 from cellwright.engine.stages.diagnosis import search_arrays
-from cellwright.engine.stages.diagnosis.bracketing import BracketSearch, expansion_ns, suits
+from cellwright.engine.stages.diagnosis.bracket_search import BracketSearch, expansion_ns, suits
 from cellwright.engine.stages.diagnosis.kernels import belief, dense, partition, rollout
 from cellwright.engine.stages.diagnosis.kernels.belief import Beliefs, Trail
 from cellwright.engine.stages.diagnosis.kernels.memo import Memo

@@ -112,14 +112,7 @@ def case_of(
             if r.name not in past and _repair_serves(r, hypotheses)
         ]
     chosen = [candidate for candidate in chosen for _ in range(_times(candidate, rows, past))]
-    prepared = setup([chosen_test.preconditions for chosen_test in chosen])
-    if prepared is not None and not all(map(math.isfinite, prepared.costs[0])):
-        chosen = [
-            repair
-            for repair, cost in zip(chosen, prepared.costs[0], strict=True)
-            if math.isfinite(cost)
-        ]
-        prepared = setup([each.preconditions for each in chosen])
+    chosen, prepared = _prepared_actions(chosen, setup)
     actions = tuple(
         _repair_action(each, hypotheses)
         if isinstance(each, Repair)
@@ -148,6 +141,19 @@ def case_of(
         certainty if objective is CaseObjective.ISOLATE else 1.0,
     )
     return Case(exception, hypotheses, problem, certainty)
+
+
+def _prepared_actions(
+    chosen: list[FaultTest | Repair], setup: PlanSetup
+) -> tuple[list[FaultTest | Repair], Setup | None]:
+    """The actions that can be prepared, and the steps that prepare them."""
+    prepared = setup([each.preconditions for each in chosen])
+    if prepared is None or all(map(math.isfinite, prepared.costs[0])):
+        return chosen, prepared
+    chosen = [
+        each for each, cost in zip(chosen, prepared.costs[0], strict=True) if math.isfinite(cost)
+    ]
+    return chosen, setup([each.preconditions for each in chosen])
 
 
 def _times(action: FaultTest | Repair, rows: Mapping[str, Rows], past: Mapping[str, int]) -> int:

@@ -74,8 +74,8 @@ from cellwright.engine.stages.grounding.workflow_stages import EventBatches, Sta
 from cellwright.kb.asp import Grounder
 from cellwright.kb.asp.overflow import overflows, rules_that_watch
 from cellwright.kb.asp.static_facts import try_first, within_limits
-from cellwright.kb.cycles import no_search_for_cycles
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.garbage_collection import no_search_for_cycles
 from cellwright.kb.loader.problem_amounts import amounts_of
 from cellwright.kb.model.condition_forms import Normaliser
 from cellwright.kb.model.conditions import Literal, goal_parts

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from cellwright.engine.kernels.bits import Bits, indices
 from cellwright.engine.model.ground_task import GroundOperator
-from cellwright.engine.stages.grounding.conserving import Conserving
+from cellwright.engine.stages.grounding.invariant_loops import Conserving
 from cellwright.kb.terms import Atom, Term
 
 # predicate, and the argument position of each invariant parameter

@@ -13,7 +13,7 @@ nothing beforehand.
 """
 
 from cellwright.engine.stages.instants.breaches import Breach
-from cellwright.engine.stages.instants.replaying import Replay
+from cellwright.engine.stages.instants.timed_replay import Replay
 from cellwright.kb.model.durative import TemporalProblem, TimedPlan
 
 

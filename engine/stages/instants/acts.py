@@ -1,10 +1,17 @@
-"""The instants of a plan: what each reads and changes, and which of them exclude each other."""
+"""The starts and ends of the steps of a plan with times: what each reads and changes, and which
+exclude each other.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from cellwright.engine.stages.instants.meaning import Bindings, Moments, NoValue, numbers_in
+from cellwright.engine.stages.instants.condition_values import (
+    Bindings,
+    Moments,
+    NoValue,
+    numbers_in,
+)
 from cellwright.kb.model.conditions import Literal
 from cellwright.kb.model.durative import (
     DurativeAction,

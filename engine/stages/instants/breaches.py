@@ -1,4 +1,4 @@
-"""What is wrong with a plan in time, and by how much."""
+"""What the checker finds wrong in a plan with times, and by how much."""
 
 from dataclasses import dataclass
 from fractions import Fraction

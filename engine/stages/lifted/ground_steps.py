@@ -1,4 +1,4 @@
-"""Ground steps, prepared as far as they do not depend on a state.
+"""Ground steps with all that does not depend on a state computed beforehand.
 
 Every plan that has the step uses the same result. This works for operators whose precondition names
 all its atoms and whose effects have no conditions on the state.

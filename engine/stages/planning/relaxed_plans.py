@@ -1,6 +1,5 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
-"""The relaxed plan of each atom from one state, put together from the best supporters when it is
-asked for.
+"""The relaxed plan of an atom from one state, made of best supporters when it is asked for.
 
 Plain Python, compiled with the types in `relaxed_plans.pxd`.
 """

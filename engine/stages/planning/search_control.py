@@ -120,7 +120,7 @@ STATE_ROOM = StateRoom()
 SMALL_STATE_ROOM = StateRoom(states=8_000, checks=500_000)  # a few milliseconds
 
 
-def _ignore_plan(_: Plan) -> None:
+def ignore_plan(_: Plan) -> None:
     """Ignores a better plan. This is the default."""
 
 
@@ -146,7 +146,7 @@ class SearchLimits:
     thorough: bool = False
     strategy: str = "auto"
     seed: int = 0
-    improved: Callable[[Plan], None] = _ignore_plan
+    improved: Callable[[Plan], None] = ignore_plan
     doubtful: bool = False
 
     def searching(self) -> Effort:

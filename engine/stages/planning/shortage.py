@@ -1,4 +1,4 @@
-"""What runs out: quantities of which the goals need more than there is. They are counted, without a
+"""Shortages: quantities of which the goals need more than there is, found by counting, without a
 search.
 
 Each fact that every plan has to make true is a landmark, and its achievers are the steps that make

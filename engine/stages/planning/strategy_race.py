@@ -3,17 +3,18 @@
 The first answer counts, and the other processes are stopped.
 """
 
-import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
 
+from cellwright.engine.kernels.cancellation import never
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome
-from cellwright.engine.stages.planning.search_control import SearchLimits
+from cellwright.engine.stages.planning.search_control import SearchLimits, ignore_plan
+from cellwright.kb.clean_process import CleanProcess
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.stopping import StoppedByCaller
 
@@ -56,16 +57,16 @@ def race_strategies(task: GroundTask, limits: SearchLimits, plan: Planner) -> Ou
 
 
 class _RaceProcesses:
-    """The running processes.
+    """The running processes, by the connection to each.
 
-    Each process sends its plans and its answer through a pipe. `running` has the process of each
-    pipe.
+    Each process sends its plans and its answer.
     """
 
     def __init__(self, task: GroundTask, limits: SearchLimits, plan: Planner) -> None:
-        self.task, self.limits, self.plan = task, limits, plan
+        self.task, self.plan = task, plan
+        self.limits = replace(limits, interrupted=never, improved=ignore_plan)
         self.waiting = list(RACING_STRATEGIES)
-        self.running: dict[Connection, BaseProcess] = {}
+        self.running: dict[Connection, CleanProcess] = {}
 
     def fill(self) -> bool:
         """Starts strategies as long as there are free processors.
@@ -77,24 +78,13 @@ class _RaceProcesses:
         return bool(self.running)
 
     def _start(self, strategy: str) -> None:
-        receiver, sender = multiprocessing.Pipe(duplex=False)
-        home = os.getpid()
-        limits = replace(
-            self.limits,
-            strategy=strategy,
-            interrupted=lambda: os.getppid() != home,  # stops if the parent process has ended
-            improved=sender.send,
-        )
-        context = multiprocessing.get_context("fork")  # a forked process has the task already
-        process = context.Process(
-            target=_run_lane, args=(sender, self.plan, self.task, limits), daemon=True
-        )
-        process.start()
-        sender.close()
-        self.running[receiver] = process
+        process = CleanProcess(run_strategy)
+        self.running[process.connection] = process
+        with suppress(BrokenPipeError):  # it has ended: `heard` notices
+            process.connection.send((self.plan, self.task, replace(self.limits, strategy=strategy)))
 
     def heard(self) -> Iterator[Plan | Outcome]:
-        """The messages that arrive within `PAUSE` seconds.
+        """The messages that arrive within `STOP_CHECK_PAUSE_S` seconds.
 
         A process that ends without an answer counts as one that gave up.
         """
@@ -102,18 +92,16 @@ class _RaceProcesses:
             assert isinstance(end, Connection)
             try:
                 message: Plan | Outcome = end.recv()
-            except EOFError:
+            except (EOFError, ConnectionResetError):
                 message = GaveUp("a strategy ran out of memory", "memory")
             if not isinstance(message, Plan):
-                self.running.pop(end).join()
+                self.running.pop(end).kill()
             yield message
 
     def stop(self) -> None:
         """Stops all processes that still run."""
         for process in self.running.values():
             process.kill()
-        for process in self.running.values():
-            process.join()
 
 
 @contextmanager
@@ -125,10 +113,18 @@ def _open_lanes(task: GroundTask, limits: SearchLimits, plan: Planner) -> Iterat
         lanes.stop()
 
 
-def _run_lane(answer: Connection, plan: Planner, task: GroundTask, limits: SearchLimits) -> None:
-    try:
-        answer.send(plan(task, limits))
-    except (MemoryError, StoppedByCaller):  # the others go on
-        pass
-    finally:
-        answer.close()
+def run_strategy(parent: Connection) -> None:
+    """In the process of one strategy: plan, and send each better plan and the answer.
+
+    The process ends at once when its parent has ended.
+    """
+    plan, task, limits = parent.recv()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    with suppress(MemoryError, StoppedByCaller):  # the others go on
+        parent.send(plan(task, replace(limits, improved=parent.send)))
+
+
+def _end_with(parent: Connection) -> None:
+    """Wait until the parent process closes the connection: it never sends anything more."""
+    parent.poll(None)
+    os._exit(1)

@@ -1,6 +1,7 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""The best supporter of each atom from one state, for the relaxed plans of backward chaining.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""The best supporter of each atom from one state: the cheapest operator that adds it when deletes
+are ignored.
 
 They come from one Dijkstra search over additive costs. The module is plain Python; like
 `kernels.py` it can be compiled, with the types in `supporters.pxd`. A state is a row of bytes, in
@@ -10,7 +11,7 @@ which atom i is bit `i % 8` of byte `i // 8`.
 from array import array
 from collections.abc import Sequence
 
-from cellwright.engine.kernels.rows import rows
+from cellwright.engine.kernels.packed_rows import pack_rows
 
 UNREACHED = 1 << 50
 MOST = 1 << 38  # additive costs are cut off here, because they can double with every step
@@ -32,8 +33,8 @@ class Supporters:
     ) -> None:
         self.atoms, self.operators = len(users), len(charges)
         self.charges, self.needed = array("q", charges), array("i", map(len, need))
-        self.add_starts, self.add_items = rows(add)
-        self.user_starts, self.user_items = rows(users)
+        self.add_starts, self.add_items = pack_rows(add)
+        self.user_starts, self.user_items = pack_rows(users)
         self.reached, self.depths = _longs(self.atoms), _longs(self.atoms)
         self.supporter = array("i", bytes(4 * self.atoms))
         self.spent, self.ends = _longs(self.operators), _longs(self.operators)

@@ -1,5 +1,4 @@
-"""A lower bound that holds however the points lie: every tour visits the two places that are
-farthest from each other.
+"""Lower bound of a tour from its two places that are farthest apart: every tour visits both.
 
 Ways are shortest ways, over other visits if that is shorter: rounded distances do not always keep
 the triangle inequality. On a line, where the ascent of Held and Karp comes to its bound very

@@ -1,4 +1,5 @@
-"""Lower bound of Held and Karp for many cities: an ascent over few edges, then all are counted.
+"""Held-Karp lower bound for many cities: penalties rise over few edges, and one tree over all edges
+proves it.
 
 Held & Karp 1970, 1971; steps as in Helsgaun 2000 and Barahona & Anbil 2000. An ascent over few
 edges can give a figure that is too high. So what is returned is always the weight of a tree of all

@@ -1,4 +1,6 @@
-"""The class-level net of a cell: transitions between places, colours, joints and regions."""
+"""The Petri net of a cell's contact states, by classes of objects: transitions between places,
+colours, joints and regions.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence

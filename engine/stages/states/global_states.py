@@ -1,4 +1,5 @@
-"""Global contact states of a cell: how many there are, and the regions one-way steps part.
+"""Global contact states of a cell: how many there are, and the regions between which steps lead one
+way only.
 
 A global state is a set of clusters in which every token stands once. Global states are searched up
 to exchanges of alike tokens and alike anchor points, and each of them stands for all its exchanges:

@@ -1,6 +1,4 @@
-"""Ground conditions as alternatives of literals and numeric tests, with what never changes
-evaluated.
-"""
+"""Ground conditions as alternatives of literals and numeric tests; constant parts are evaluated."""
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping

@@ -1,5 +1,5 @@
-"""From a problem in time to its instances over numbered facts: conditions become alternatives,
-negations facts of their own.
+"""Grounds a problem in time to action instances over numbered facts; conditions become
+alternatives.
 """
 
 import itertools

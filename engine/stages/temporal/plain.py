@@ -1,5 +1,5 @@
-"""Instances of actions that have nothing but literals: most actions are so, and large problems have
-a hundred thousand instances.
+"""Grounds the actions whose conditions are literals alone: most actions are so, and large tasks
+have a hundred thousand instances.
 
 What `grounding` does with formulas is done here with tables: each literal of an action knows, for
 the objects of its own arguments, whether it is always true, never true or a fact.

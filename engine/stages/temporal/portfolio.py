@@ -1,4 +1,4 @@
-"""Searches in time that take turns, and the improvement of what they find.
+"""Plans in time by several searches in turns, and then makes the makespan smaller.
 
 Each search has its own balance of three things: how much is left to do, when it would end, and
 whether relaxed plans prefer what is soon to what is cheap. Searches get more expansions with every
@@ -14,11 +14,13 @@ from fractions import Fraction
 from cellwright.engine.kernels.cancellation import Interrupted, Poll
 from cellwright.engine.model.temporal import GroundTimes
 from cellwright.engine.stages.temporal.bounds import shortest_makespan
-from cellwright.engine.stages.temporal.kernels import Relaxation, Timeline, TimeSearch
+from cellwright.engine.stages.temporal.instant_search import InstantSearch
 from cellwright.engine.stages.temporal.tables import Tables, tables
+from cellwright.engine.stages.temporal.timed_relaxation import TimedRelaxation
+from cellwright.engine.stages.temporal.timeline import Timeline
 from cellwright.kb.model.durative import TimedPlan, TimedStep
 
-UNREACHED = 1 << 60
+UNREACHED = 1 << 60  # the cost, or the makespan, of what no plan reaches
 MAX_NODES = 30_000_000  # of one search: some 500 MB
 FIRST_TURN = 1000  # expansions of each search in the first round
 MANY = 100_000  # expansions of a turn from which on all manners seek a first plan
@@ -107,8 +109,8 @@ class Turns:
             poll,
             improved,
         )
-        self.line, self.guide = Timeline(arrays.parts), Relaxation(arrays.parts)
-        self.search = TimeSearch(self.line, self.guide, poll)
+        self.line, self.guide = Timeline(arrays.parts), TimedRelaxation(arrays.parts)
+        self.search = InstantSearch(self.line, self.guide, poll)
         self.random = random.Random(seed)
         self.best: list[int] | None = None
         self.makespan = UNREACHED

@@ -1,5 +1,5 @@
-"""Which instances of actions and which atoms can be reached, if nothing that was true ever
-ends, asked of clingo.
+"""The reachable action instances and atoms of a problem in time, if nothing ever became false;
+computed by clingo.
 """
 
 from collections.abc import Iterator

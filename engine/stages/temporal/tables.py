@@ -1,5 +1,5 @@
-"""The ground problem as the arrays that the kernels take: whole times, rows of facts, programs
-of numbers.
+"""The ground problem in time as arrays for the compiled search: whole times, rows of facts,
+programs of numbers.
 """
 
 import math
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from types import SimpleNamespace
 
+from cellwright.engine.kernels.packed_rows import PackedRows
 from cellwright.engine.model.temporal import (
     CONSTANT,
     KINDS,
@@ -24,7 +25,7 @@ from cellwright.engine.model.temporal import (
     Span,
 )
 from cellwright.engine.stages.temporal.formulas import constant
-from cellwright.engine.stages.temporal.kernels import Lists, Programs
+from cellwright.engine.stages.temporal.postfix_programs import PostfixPrograms
 from cellwright.engine.stages.temporal.windows import Windows
 
 # parts of the unit of time that the search may distinguish
@@ -41,10 +42,10 @@ class Tables:
     parts: SimpleNamespace
     whole: tuple[bool, ...]
 
-    def goals(self, alternative: int) -> Lists:
+    def goals(self, alternative: int) -> PackedRows:
         """The facts, with those that stand for tests, of one alternative of the goal."""
         facts, tests = self.task.goals[alternative]
-        return Lists([[*facts, *(self.parts.fact_of_test[test] for test in tests)]])
+        return PackedRows([[*facts, *(self.parts.fact_of_test[test] for test in tests)]])
 
 
 def scale_of(task: GroundTimes) -> int:
@@ -112,11 +113,11 @@ class _Builder:
         parts.changes, parts.scale = len(timed), float(self.scale)
         parts.epsilon = self._units(self.task.epsilon)
         for name, row in (("needs", "needs"), ("adds", "adds"), ("deletes", "deletes")):
-            setattr(parts, name, Lists([getattr(span.start, row) for span in spans]))
-            setattr(parts, f"end_{name}", Lists([getattr(span.end, row) for span in spans]))
-        parts.holds = Lists([span.holds for span in spans])
-        parts.timed_adds = Lists([each.happening.adds for each in timed])
-        parts.timed_deletes = Lists([each.happening.deletes for each in timed])
+            setattr(parts, name, PackedRows([getattr(span.start, row) for span in spans]))
+            setattr(parts, f"end_{name}", PackedRows([getattr(span.end, row) for span in spans]))
+        parts.holds = PackedRows([span.holds for span in spans])
+        parts.timed_adds = PackedRows([each.happening.adds for each in timed])
+        parts.timed_deletes = PackedRows([each.happening.deletes for each in timed])
         parts.timed_at = array("q", [*(self._units(each.at) for each in timed), 0])
         parts.whole = array("i", [*map(int, self.whole), 0])
         parts.instant = array("i", [*(int(span.instantaneous) for span in spans), 0])
@@ -157,27 +158,31 @@ class _Builder:
 
     def _numeric(self, parts: SimpleNamespace) -> None:
         spans, timed = self.task.spans, self.task.timed
-        parts.start_tests = Lists([self._tests(span.start.tests) for span in spans])
-        parts.hold_tests = Lists([self._tests(span.tests) for span in spans])
-        parts.end_tests = Lists([self._tests(span.end.tests) for span in spans])
+        parts.start_tests = PackedRows([self._number_tests(span.start.tests) for span in spans])
+        parts.hold_tests = PackedRows([self._number_tests(span.tests) for span in spans])
+        parts.end_tests = PackedRows([self._number_tests(span.end.tests) for span in spans])
         for _, tests in self.task.goals:
-            self._tests(tests)
-        parts.start_updates = Lists([self._updates(span.start.updates) for span in spans])
-        parts.end_updates = Lists([self._updates(span.end.updates) for span in spans])
-        parts.timed_updates = Lists([self._updates(each.happening.updates) for each in timed])
+            self._number_tests(tests)
+        parts.start_updates = PackedRows(
+            [self._number_updates(span.start.updates) for span in spans]
+        )
+        parts.end_updates = PackedRows([self._number_updates(span.end.updates) for span in spans])
+        parts.timed_updates = PackedRows(
+            [self._number_updates(each.happening.updates) for each in timed]
+        )
         parts.test_program = array("i", [*(self._program(test.program) for test in self.tests), 0])
         parts.test_relation = array(
             "i", [*(RELATIONS.index(test.relation) for test in self.tests), 0]
         )
-        parts.test_numbers = Lists([_numbers(test.program) for test in self.tests])
+        parts.test_numbers = PackedRows([_numbers(test.program) for test in self.tests])
         parts.update_kind = array("i", [*(KINDS.index(update.kind) for update in self.updates), 0])
         parts.update_number = array("i", [*(update.number for update in self.updates), 0])
         parts.update_program = array(
             "i", [*(self._program(update.program) for update in self.updates), 0]
         )
-        parts.update_reads = Lists([_numbers(update.program) for update in self.updates])
+        parts.update_reads = PackedRows([_numbers(update.program) for update in self.updates])
         rows = [[self._step(sign, value) for sign, value in program] for program in self.programs]
-        parts.programs = Programs(rows, self.constants)
+        parts.programs = PostfixPrograms(rows, self.constants)
 
     def _step(self, sign: int, value: Fraction | int) -> tuple[int, int]:
         if sign != CONSTANT:
@@ -185,10 +190,10 @@ class _Builder:
         self.constants.append(float(value))
         return sign, len(self.constants) - 1
 
-    def _tests(self, tests: Iterable[NumericTest]) -> list[int]:
+    def _number_tests(self, tests: Iterable[NumericTest]) -> list[int]:
         return [self.tests.setdefault(test, len(self.tests)) for test in tests]
 
-    def _updates(self, updates: Iterable[NumericUpdate]) -> list[int]:
+    def _number_updates(self, updates: Iterable[NumericUpdate]) -> list[int]:
         first = len(self.updates)
         self.updates += updates
         return list(range(first, len(self.updates)))
@@ -202,7 +207,7 @@ class _Builder:
             parts.running[action] = parts.facts + place
         self.windows = Windows.of(self.task, parts.facts + len(ends))
         parts.first_test = parts.facts + len(ends) + self.windows.count
-        parts.open_adds = Lists(
+        parts.open_adds = PackedRows(
             [
                 [] if self.whole[action] else [parts.running[action], *self.windows.gives(action)]
                 for action in range(len(spans))
@@ -214,16 +219,16 @@ class _Builder:
         parts.tests = array("i", [*range(len(self.tests)), 0])
         needs, early, late = self._operators(parts, ends)
         parts.relaxed_needs, parts.early_adds, parts.late_adds = (
-            Lists(needs),
-            Lists(early),
-            Lists(late),
+            PackedRows(needs),
+            PackedRows(early),
+            PackedRows(late),
         )
         users: list[list[int]] = [[] for _ in range(parts.all_facts)]
         for operator, row in enumerate(needs):
             for fact in row:
                 users[fact].append(operator)
-        parts.users = Lists(users)
-        parts.no_needs = Lists([[operator for operator, row in enumerate(needs) if not row]])
+        parts.users = PackedRows(users)
+        parts.no_needs = PackedRows([[operator for operator, row in enumerate(needs) if not row]])
         lengths = array("q", [max(0, parts.least[action]) for action in range(len(spans))])
         zeros = [
             0 if not whole else length for whole, length in zip(self.whole, lengths, strict=True)
@@ -231,7 +236,7 @@ class _Builder:
         parts.spans = array("q", [*zeros, *(lengths[action] for action in ends), 0])
         parts.end_of = array("i", [*range(len(spans)), *ends, 0])
         parts.weights = array("q", [1] * (parts.operators + 1))
-        parts.goals = Lists([[]])
+        parts.goals = PackedRows([[]])
         self._nudges(parts)
 
     def _operators(
@@ -282,7 +287,7 @@ class _Builder:
                     row.append(parts.fact_of_test[test])
                     amounts.append(by)
             rows.append(row)
-        parts.nudges = Lists(rows)
+        parts.nudges = PackedRows(rows)
         amounts.append(0.0)
         parts.nudge_by = amounts
 

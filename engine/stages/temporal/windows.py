@@ -1,5 +1,5 @@
-"""Facts that hold only while some action runs, and how long: what needs one for longer than that
-does not fit into it.
+"""Facts that hold only while some action runs, and for how long: an action that needs one for
+longer does not fit in.
 
 A match gives light for 5 s, a kiln is hot for 8 s or for 20 s. What holds such a fact must fit
 between the start that adds it and the end that deletes it. In relaxed plans the fact is split into

@@ -1,6 +1,7 @@
 """Kernels are compiled together or not at all, and who runs them as plain Python is told."""
 
 import json
+import re
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -21,6 +22,15 @@ def test_kernels_are_compiled_together_or_not_at_all() -> None:
         any(file.with_suffix(end).is_file() for end in EXTENSION_SUFFIXES) for file in KERNELS
     }
     assert len(compiled) == 1, "python setup.py build_ext --inplace"
+
+
+@pytest.mark.parametrize("types", KERNELS, ids=lambda types: types.stem)
+def test_each_option_of_a_kernel_stands_on_a_line_that_the_compiler_reads(types: Path) -> None:
+    """Cython takes an option only from a comment of its own that begins with `cython:`."""
+    comments = types.with_suffix(".py").read_text().partition('"""')[0].splitlines()
+    options = [line for line in comments if re.search(r"\w=(True|False|\d)", line)]
+    assert options
+    assert all(re.fullmatch(r"# cython: \w+=\w+(, \w+=\w+)*", line) for line in options)
 
 
 def test_plain_python_in_place_of_a_kernel_is_told_once_and_not_in_the_answer(

@@ -10,7 +10,7 @@ from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.pipelines.planning.taken_places import find_taken_places
 from cellwright.kb.commands import understand_command
-from cellwright.kb.commands.everyday import sayings
+from cellwright.kb.commands.everyday_wordings import sayings
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import find_target, load, load_problem
 

@@ -142,7 +142,7 @@ def test_each_damage_is_told(target: str) -> None:
         "MACROP 2 cannot be read",
         "shared text 1 was changed",
         "requires the shared text 77, which is not there",
-        "journal of run 'r' has 1 lines, from 2 to 2",
+        "the journal of run 'r': line 1 is missing",
         "refers to ghost, which is not in 'runs'",
         "'content' of ghost, 1 in 'journal' cannot be read",
     ):

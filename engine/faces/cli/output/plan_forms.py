@@ -1,4 +1,6 @@
-"""How plans are written."""
+"""The forms in which `plan` writes a plan: table, JSON, picture (SVG, DOT), or text for PDDL
+planners.
+"""
 
 from enum import StrEnum
 

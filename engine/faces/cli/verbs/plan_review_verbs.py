@@ -151,7 +151,7 @@ def _validate_timed(domain: Path, task: Path, made: Path) -> VerbAnswer:
     """The verdict of the checker of time."""
     from cellwright.engine.formats.interop.pddl import durative
     from cellwright.engine.formats.interop.pddl.durative import plans
-    from cellwright.engine.formats.report import timed
+    from cellwright.engine.formats.report.plans import timed_plan_report
     from cellwright.engine.pipelines.planning import temporal_plans
 
     read = durative.read_temporal(domain, task)
@@ -160,7 +160,7 @@ def _validate_timed(domain: Path, task: Path, made: Path) -> VerbAnswer:
     if wrong:
         content = {"steps": len(plan.steps), "breaches": len(wrong)}
         return VerbAnswer("invalid", content, code=FINDINGS, diagnostics=tuple(wrong))
-    said, content = timed.verdict(plan)
+    said, content = timed_plan_report.verdict(plan)
     return VerbAnswer("valid", content, text=lambda: rich_parts.Text(said))
 
 

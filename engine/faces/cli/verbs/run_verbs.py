@@ -283,6 +283,12 @@ def resume_named_run(
             help="the share of real time that simulated time takes; if not given, as before",
         ),
     ] = None,
+    unchained: Annotated[
+        bool,
+        Option(
+            "--unchained", help="go on with a journal that an older version began without digests"
+        ),
+    ] = False,
     events: Events = "",
     watch: Watch = False,
     expansions: Expansions = None,
@@ -294,13 +300,17 @@ def resume_named_run(
     """
     if events == "-" and format is AnswerForm.JSON:
         raise make_misfit("--events - writes lines of JSON to the output: leave out --format json")
-    give_answer(lambda: _resume_run(run, store, factor, events, watch, (expansions, seed)), format)
+    give_answer(
+        lambda: _resume_run(run, store, factor, unchained, events, watch, (expansions, seed)),
+        format,
+    )
 
 
 def _resume_run(
     run: str,
     store: str,
     factor: float | None,
+    unchained: bool,
     events: str,
     watch: bool,
     search: tuple[int | None, int],
@@ -311,5 +321,7 @@ def _resume_run(
     pace, before = execution.follow_run(where, run, factor) if watch else (0.0, ())
     with RunSupervision(run, where, events, False, watch, pace, before) as seen:
         limits = SearchLimits(expansions_within(search[0], None), seed=search[1])
-        ending = execution.resume_run(where, run, seen.channel, seen.watchers, limits, factor)
+        ending = execution.resume_run(
+            where, run, seen.channel, seen.watchers, limits, factor, unchained
+        )
     return answer_of(ending, where, events == "-")

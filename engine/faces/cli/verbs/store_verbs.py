@@ -14,9 +14,12 @@ from cellwright.engine.formats.report import rich_parts
 from cellwright.kb import store as kb_store
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from rich.console import RenderableType
+
+    from cellwright.kb.store.journal import JournalProof
+    from cellwright.kb.store.store_maintenance import VerifiedJournal
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -32,6 +35,15 @@ def store_group() -> None:
 def check(store: Library, format: Format = AnswerForm.TEXT) -> None:
     """Look for damage in a library. The library is only read."""
     give_answer(lambda: _check_store(store), format)
+
+
+@app.command()
+def verify(store: Library, format: Format = AnswerForm.TEXT) -> None:
+    """Prove that no journal was changed since it was written, and tell who began which run.
+
+    With CELLWRIGHT_KEY, each must have been sealed with that key.
+    """
+    give_answer(lambda: _verify_store(store), format)
 
 
 @app.command()
@@ -82,6 +94,47 @@ def _check_store(store: str) -> VerbAnswer:
     return VerbAnswer(
         status, {"rows": rows}, lambda: _row_counts(rows, summary_line), code, tuple(findings)
     )
+
+
+def _verify_store(store: str) -> VerbAnswer:
+    verified = kb_store.verify_journals(store)
+    damaged = any(journal.proof.findings for journal in verified)
+    entries = [
+        {
+            "run": journal.run,
+            "begun": journal.begun,
+            "account": journal.account,
+            "lines": journal.proof.lines,
+            "chained": journal.proof.chained,
+            "sealed": journal.proof.sealed,
+            "findings": list(journal.proof.findings),
+        }
+        for journal in verified
+    ]
+    status, code = ("damaged", FINDINGS) if damaged else ("ok", 0)
+    return VerbAnswer(status, {"journals": entries}, lambda: _journal_proofs(verified), code)
+
+
+def _journal_proofs(verified: "Sequence[VerifiedJournal]") -> "RenderableType":
+    rows = [
+        (
+            journal.run,
+            journal.begun,
+            journal.account,
+            str(journal.proof.lines),
+            _proof_text(journal.proof),
+        )
+        for journal in verified
+    ]
+    return report.TextTable(("run", "begun", "by", "lines", "since then"), rows)
+
+
+def _proof_text(proof: "JournalProof") -> str:
+    if proof.findings:
+        return "; ".join(proof.findings)
+    if not proof.chained:
+        return "no digests: only the numbers of its lines are checked"
+    return "unchanged, sealed by the site's key" if proof.sealed else "unchanged"
 
 
 def _backup_store(file: Path, store: str) -> VerbAnswer:

@@ -1,4 +1,5 @@
-"""Which quantities that one action changes may be the same one, for some of its instances.
+"""Which of the quantities that one PDDL action changes may be one and the same, for equal
+arguments.
 
 `(decrease (n ?a) 1) (increase (n ?b) 1)` changes two quantities, or one of them twice if ?a and ?b
 are the same object. In PDDL 2.1 increases and decreases add up; an assignment bears no other change

@@ -18,7 +18,6 @@ from unified_planning.exceptions import UPUsageError
 from unified_planning.plans import Plan as UpPlan
 from unified_planning.plans import PlanKind
 
-from cellwright.engine.formats.interop.up.timed import TimedTranslation, has_time
 from cellwright.engine.formats.interop.up.up_conditions import Unsupported
 from cellwright.engine.formats.interop.up.up_kinds import (
     SUPPORTED_KIND,
@@ -34,6 +33,7 @@ from cellwright.engine.formats.interop.up.up_plans import (
     validation_result,
 )
 from cellwright.engine.formats.interop.up.up_problem import Translated, translate_problem
+from cellwright.engine.formats.interop.up.up_timed_problems import TimedTranslation, has_time
 from cellwright.engine.kernels.cancellation import Interrupted, never
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, OrderCheck, Outcome
 from cellwright.engine.model.temporal import NoPlanInTime

@@ -1,4 +1,4 @@
-"""Measurements grouped by tool, with those that are impossible and why, as text and data."""
+"""Measurements and tours by tool, with those that are impossible and why, as text and data."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The sequence that a plan follows, and where its time goes by operator, as text and data."""
+"""The order of visits that a plan follows, and the time of each operator, as text and data."""
 
 from collections import Counter
 from collections.abc import Mapping

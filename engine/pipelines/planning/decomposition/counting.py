@@ -1,5 +1,5 @@
-"""The order of few visits by all that their plan takes: ways, changes of tools and stations, the
-start and the end.
+"""The best order of few visits by the cost of their whole plan: ways, changes of tool and station,
+start and end.
 
 What a plan takes from each visit to each other one is planned, as in `runs`. The order that takes
 least is then a tour over these figures, so its bound counts what the plan counts, and small orders

@@ -1,5 +1,5 @@
-"""Ground tasks of the last few cells: a problem that begins elsewhere in a known cell is not
-grounded anew.
+"""Keeps the ground tasks of the last few cells, so that a problem with another start in a known
+cell is not grounded anew.
 
 What can be reached from a state that can itself be reached is part of what was grounded before. So
 only the start and the goals of the task change. That is done for plain tasks: every atom is a

@@ -39,8 +39,8 @@ from cellwright.engine.stages.macros.lookup.macro_query import (
 from cellwright.engine.stages.macros.lookup.macro_repertoire import MAX_READ_AHEAD, Repertoire
 from cellwright.engine.stages.planning import NO_MACROS, Macros, SearchLimits
 from cellwright.engine.stages.planning.landmark_cut import lower_bound
-from cellwright.kb.cycles import search_now
 from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.garbage_collection import search_now
 from cellwright.kb.loader.problem_amounts import version_of_cell
 from cellwright.kb.model.domain_model import Domain
 from cellwright.kb.model.plan_model import MacroPart, Plan

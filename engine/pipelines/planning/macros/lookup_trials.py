@@ -1,5 +1,5 @@
-"""Whether it pays to look goals of a kind up, and whether the plans are good: what a library has
-experienced so far.
+"""Whether a MACROP lookup pays for goals of a kind, and whether its plans are good, from what a
+library has seen so far.
 
 A kind is the signature of the goals. A lookup pays if its plan answers, or might have answered. It
 fails if the planner has to be asked after all, and answers soon: small problems are planned in

@@ -1,5 +1,5 @@
-"""From the courses of a flow to a plan: each act becomes its steps, with the names of its
-object and of the places it got.
+"""Turns the schedule of a flow into a plan: the steps of each act, with the names of its object and
+of its places.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,4 +1,5 @@
-"""The timetable of a flow: steps and times are decided together, for every object of the workflow.
+"""Schedules all objects of a workflow at once (a flow), and chooses their steps, arms, machines and
+places together with the times.
 
 No plan is made first. Each kind of object has its shortest ways through the cell, and the scheduler
 chooses among machines, arms and places while it puts the objects on the board. What comes of it is

@@ -1,5 +1,5 @@
-"""From a problem to a flow: the route of each kind of object, found in a ground task that has one
-object alone.
+"""Makes the scheduling problem of a workflow (a flow): the routes of each kind of object, found by
+grounding one object alone.
 
 Objects are of one kind if what is known of one is known of the other with other names of its own
 places. So a thousand plates are grounded as one. The plan that comes of a flow passes the gate like

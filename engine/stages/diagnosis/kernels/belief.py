@@ -1,7 +1,6 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""Exact search if outcomes are uncertain: a state is the causes still possible and the outcomes
-seen.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Exact search for uncertain outcomes: a state is the causes still possible and the outcomes seen.
 
 The branch and bound is the same as over partitions. Beliefs are kept as weights: the prior times
 the likelihoods of what was seen. The bound is the cost of the case if the cause were known.

@@ -1,7 +1,6 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""Search for problems whose outcomes are not sure: each state has a lower and an upper bound of its
-value.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Search for uncertain outcomes: each state has a lower and an upper bound of its value.
 
 A dive goes from a state to its most promising action and to the outcome whose bounds are farthest
 apart, and expands what it reaches for the first time. On its way back it brings the bounds together

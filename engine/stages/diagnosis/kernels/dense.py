@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Plain dynamic programming over all sequences of outcomes, for problems with few actions.
 
 A state is a number in a mixed radix: digit a is 0 while action a is not done, else its outcome plus

@@ -1,8 +1,6 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""What is known of the value of each state: a table with open addressing, whose keys are rows
-of words.
-"""
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""The table of the states whose values are known (open addressing; keys are rows of words)."""
 
 import numpy as np
 

@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""Exact search if every cause determines every outcome: a state is the set of causes still
-possible.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Exact search for certain outcomes: each cause determines every outcome, so a state is the set of
+causes still possible.
 
 It is a depth-first branch and bound over the AND/OR graph, with a memo of lower bounds and values.
 The bound is the cost of separating pairs of causes that may not be concluded together.

@@ -1,4 +1,6 @@
-"""Where the carriers of a collision scene are in many configurations at once."""
+"""Poses of the links and moved bodies (carriers) of a collision scene for a batch of
+configurations.
+"""
 
 import math
 from functools import lru_cache

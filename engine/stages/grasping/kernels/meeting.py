@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
-"""Whether blocks and triangles meet, by separating axes (Gottschalk, Lin & Manocha 1996;
-Akenine-Moller 2001).
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
+"""Whether boxes and triangles intersect, by separating axes (Gottschalk, Lin & Manocha 1996;
+Akenine-Möller 2001).
 
 Each triangle is brought into the frame of the blocks. Most are beyond a side of a block; the others
 are tried on the plane of the triangle, and on the planes along one of its edges and one of the

@@ -1,4 +1,4 @@
-"""Instances of MACROPs without loops and needless steps.
+"""Drops loops and needless steps from instances of MACROPs.
 
 A MACROP was learned where every step was needed. Elsewhere its instance may go round in a circle,
 or do what is done already. Each step is dropped on trial, with all steps that cannot run without it

@@ -1,5 +1,5 @@
-"""How often operators must be done so that goals about quantities add up: a linear program over
-counts of operators.
+"""A lower bound of the steps to goals about quantities: a linear program over how often each
+operator is done.
 
 A form is a sum of quantities without a constant. What it is now, and what all operators add to it,
 must be within what the goals ask of it. A form that an operator uses up stays within what the

@@ -1,12 +1,9 @@
 # The types with which Cython compiles kernels.py. The docstrings are in that file.
 import cython
 
-cdef long long UNREACHED, MOST
+from cellwright.engine.kernels.packed_rows cimport PackedRows
 
-@cython.final
-cdef class Rows:
-    cdef readonly int count, length
-    cdef readonly int[::1] starts, items
+cdef long long UNREACHED, MOST
 
 @cython.final
 cdef class Queue:
@@ -25,7 +22,7 @@ cdef class RelaxedPlans:
     cdef int atoms, operators, listed, _found, _helpful, _length
     cdef long long[::1] costs, reached, spent
     cdef int[::1] goals, wanted, supporter, missing, marked, stack, _applicable, _preferred, _relaxed
-    cdef Rows need, add, users
+    cdef PackedRows need, add, users
     cdef Queue queue
 
     @cython.locals(index=int)
@@ -50,7 +47,7 @@ cdef class RelaxedPlans:
 cdef class LandmarkCount:
     cdef int count, goal_count
     cdef int[::1] goals, again
-    cdef Rows atoms, before, just_before
+    cdef PackedRows atoms, before, just_before
 
     @cython.locals(landmark=int, place=int, earlier=int, after="unsigned char[::1]")
     cpdef bytes accept(self, const unsigned char[::1] accepted, const unsigned char[::1] state)

@@ -1,6 +1,6 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""Evaluation of states for forward search.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Compiled loops of forward search: relaxed plans of a state, and the count of its landmarks.
 
 Relaxed plans by additive costs give the estimate and the preferred operators (Hoffmann & Nebel
 2001; Keyder & Geffner 2008). Landmarks are counted, too (Richter & Westphal 2010).
@@ -13,32 +13,12 @@ from array import array
 from collections.abc import Sequence
 from typing import TypeAlias
 
+from cellwright.engine.kernels.packed_rows import PackedRows, zero_ints, zero_longs
+
 Ints: TypeAlias = "array[int]"  # 32 bits each
 Longs: TypeAlias = "array[int]"  # 64 bits each
 UNREACHED = 1 << 60
 MOST = 1 << 50  # additive costs are cut off here, because they can double with every step
-
-
-def ints(length: int) -> Ints:
-    """An array of zeros, 32 bits each."""
-    return array("i", bytes(4 * length))
-
-
-def longs(length: int) -> Longs:
-    """An array of zeros, 64 bits each."""
-    return array("q", bytes(8 * length))
-
-
-class Rows:
-    """Lists of numbers, stored one after another: list i is items[starts[i]:starts[i + 1]]."""
-
-    def __init__(self, lists: Sequence[Sequence[int]]) -> None:
-        starts, items = array("i", [0]), array("i")
-        for each in lists:
-            items.extend(each)
-            starts.append(len(items))
-        self.count, self.length = len(lists), len(items)
-        self.starts, self.items = starts, items
 
 
 class Queue:
@@ -49,7 +29,7 @@ class Queue:
 
     def __init__(self, room: int) -> None:
         self.size = 0
-        self.heap, self.keys = ints(room), longs(room)
+        self.heap, self.keys = zero_ints(room), zero_longs(room)
 
     def push(self, atom: int, key: int) -> None:
         """Puts an atom in."""
@@ -94,9 +74,9 @@ class RelaxedPlans:
         self,
         costs: Sequence[int],
         goals: Sequence[int],
-        need: Rows,
-        add: Rows,
-        users: Rows,
+        need: PackedRows,
+        add: PackedRows,
+        users: PackedRows,
         listed: int | None = None,
     ) -> None:
         self.atoms, self.operators = users.count, need.count
@@ -105,12 +85,12 @@ class RelaxedPlans:
         self.need, self.add, self.users = need, add, users
         wanted = set(goals)
         self.wanted = array("i", [atom in wanted for atom in range(self.atoms)])
-        self.reached, self.supporter = longs(self.atoms), ints(self.atoms)
-        self.spent, self.missing = longs(self.operators), ints(self.operators)
-        self.marked, self.stack = ints(self.operators), ints(need.length + len(goals))
+        self.reached, self.supporter = zero_longs(self.atoms), zero_ints(self.atoms)
+        self.spent, self.missing = zero_longs(self.operators), zero_ints(self.operators)
+        self.marked, self.stack = zero_ints(self.operators), zero_ints(need.length + len(goals))
         self.queue = Queue(self.atoms + add.length)
-        self._applicable, self._preferred = ints(self.operators), ints(self.operators)
-        self._relaxed = ints(self.operators)
+        self._applicable, self._preferred = zero_ints(self.operators), zero_ints(self.operators)
+        self._relaxed = zero_ints(self.operators)
         self._found = self._helpful = self._length = 0
 
     def evaluate(self, state: bytes) -> int:
@@ -237,11 +217,13 @@ class LandmarkCount:
     landmarks. A set of landmarks is a row of bytes, like a set of atoms.
     """
 
-    def __init__(self, atoms: Rows, before: Rows, just_before: Rows, goals: Sequence[int]) -> None:
+    def __init__(
+        self, atoms: PackedRows, before: PackedRows, just_before: PackedRows, goals: Sequence[int]
+    ) -> None:
         self.count, self.goal_count = atoms.count, len(goals)
         self.atoms, self.goals = atoms, array("i", goals)
         self.before, self.just_before = before, just_before
-        self.again = ints(self.count)
+        self.again = zero_ints(self.count)
 
     def accept(self, accepted: bytes, state: bytes) -> bytes:
         """The accepted landmarks after one more state.

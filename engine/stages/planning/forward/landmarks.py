@@ -5,8 +5,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from cellwright.engine.kernels.bits import Bits, indices
+from cellwright.engine.kernels.packed_rows import PackedRows
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask
-from cellwright.engine.stages.planning.forward.kernels import LandmarkCount, Rows
+from cellwright.engine.stages.planning.forward.kernels import LandmarkCount
 from cellwright.kb.terms import Atom, Function
 
 
@@ -281,10 +282,10 @@ class Landmarks:
             *(0 for _ in self.sets),
         ]
 
-        def rows(sets: Iterable[Bits]) -> Rows:
-            return Rows([[number[atom] for atom in indices(own)] for own in sets])
+        def rows(sets: Iterable[Bits]) -> PackedRows:
+            return PackedRows([[number[atom] for atom in indices(own)] for own in sets])
 
-        atoms = Rows([*([atom] for atom in self.moments), *map(indices, self.sets)])
+        atoms = PackedRows([*([atom] for atom in self.moments), *map(indices, self.sets)])
         goals = [number[goal] for goal in indices(self.goals)]
         return LandmarkCount(atoms, rows(self.before.values()), rows(needed), goals)
 

@@ -1,5 +1,4 @@
-"""Forward search guided by how often operators must be done: the counts that make the quantities of
-goals add up.
+"""Forward search for goals about quantities, guided by how often each operator must be done.
 
 The estimate is the sum of the counts, and the cost of a relaxed plan for what the counted operators
 need besides quantities that the counts look after, and for all other goals. An operator that is

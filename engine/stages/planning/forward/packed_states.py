@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate
 
 from cellwright.engine.kernels.bits import Bits, indices
+from cellwright.engine.kernels.packed_rows import PackedRows
 from cellwright.engine.model.ground_axioms import (
     Axioms,
     Comparing,
@@ -12,7 +13,6 @@ from cellwright.engine.model.ground_axioms import (
     QuantityLevel,
 )
 from cellwright.engine.model.ground_task import ConditionalEffect, GroundOperator
-from cellwright.engine.stages.planning.forward.kernels import Rows
 from cellwright.engine.stages.planning.forward.transitions import Changes, Dominance, Transitions
 from cellwright.engine.stages.planning.search_control import NO_PLAN, OutOfRange, SearchResult
 
@@ -46,12 +46,12 @@ class PackedSpace:
         flat = [effect for own in effects for effect in own]
         self._transitions = Transitions(
             self.width,
-            Rows([indices(o.preconditions) for o in operators]),
+            PackedRows([indices(o.preconditions) for o in operators]),
             _consecutive_rows(effects),
-            Rows([indices(effect.condition) for effect in flat]),
-            Rows([indices(effect.adds) for effect in flat]),
-            Rows([indices(effect.deletes) for effect in flat]),
-            Rows([indices(effect.cancels) for effect in flat]),
+            PackedRows([indices(effect.condition) for effect in flat]),
+            PackedRows([indices(effect.adds) for effect in flat]),
+            PackedRows([indices(effect.deletes) for effect in flat]),
+            PackedRows([indices(effect.cancels) for effect in flat]),
             _pack_changes(changes, axioms),
             self._axioms.comparisons if self._axioms else None,
             axioms.upkeep() if axioms is not None and axioms.rules else None,
@@ -98,10 +98,12 @@ def _moved_atoms(effects: Iterable[ConditionalEffect]) -> Bits:
     return moved
 
 
-def _consecutive_rows(lists: Sequence[Sequence[object]]) -> Rows:
+def _consecutive_rows(lists: Sequence[Sequence[object]]) -> PackedRows:
     """The places of the items of each list in a row of all items."""
     ends = list(accumulate(map(len, lists)))
-    return Rows([range(end - len(items), end) for items, end in zip(lists, ends, strict=True)])
+    return PackedRows(
+        [range(end - len(items), end) for items, end in zip(lists, ends, strict=True)]
+    )
 
 
 def _relevant_levels(
@@ -140,7 +142,7 @@ def _pack_changes(
         _consecutive_rows([change.to.parts for change in flat]),
         [level.number for change in flat for level, _ in change.to.parts],
         [factor for change in flat for _, factor in change.to.parts],
-        Rows(touched),
+        PackedRows(touched),
     )
 
 

@@ -13,6 +13,7 @@ from itertools import accumulate
 from typing import NamedTuple
 
 from cellwright.engine.kernels.bits import Bits, indices
+from cellwright.engine.kernels.packed_rows import PackedRows
 from cellwright.engine.kernels.sums import Repetitions
 from cellwright.engine.model.ground_axioms import (
     COMPARISON_SIGNS,
@@ -24,7 +25,7 @@ from cellwright.engine.model.ground_axioms import (
     relax_axioms,
 )
 from cellwright.engine.model.ground_task import GroundOperator
-from cellwright.engine.stages.planning.forward.kernels import Longs, RelaxedPlans, Rows
+from cellwright.engine.stages.planning.forward.kernels import Longs, RelaxedPlans
 from cellwright.engine.stages.planning.forward.packed_states import PackedSpace
 from cellwright.engine.stages.planning.forward.transitions import Distance
 from cellwright.kb.terms import Function
@@ -239,7 +240,7 @@ class StateEvaluation:
                 users[atom].append(number)
         self._costs = [*charges, *(rule.cost for rule in free)]
         self.size, self.space = size, PackedSpace(operators, size, axioms)
-        self._rows = Rows(needs), Rows(adds), Rows(users)
+        self._rows = PackedRows(needs), PackedRows(adds), PackedRows(users)
         self._plans = self._towards(goals)
 
     def towards(self, goals: Bits) -> "StateEvaluation":

@@ -3,13 +3,13 @@ import cython
 
 from cellwright.engine.kernels.axioms cimport Upkeep
 from cellwright.engine.kernels.sums cimport Comparisons, Repetitions
-from cellwright.engine.stages.planning.forward.kernels cimport Rows
+from cellwright.engine.kernels.packed_rows cimport PackedRows
 
 cdef long long LARGEST, TABLE
 
 @cython.final
 cdef class Changes:
-    cdef Rows of, parts, touched
+    cdef PackedRows of, parts, touched
     cdef int[::1] targets, sources
     cdef long long[::1] constants, factors
 
@@ -18,7 +18,7 @@ cdef class Transitions:
     cdef readonly int width, done
     cdef int turn
     cdef int[::1] stamps, closes
-    cdef Rows needs, of, conditions, adds, deletes, cancels
+    cdef PackedRows needs, of, conditions, adds, deletes, cancels
     cdef Changes changes
     cdef Comparisons comparisons
     cdef Upkeep upkeep

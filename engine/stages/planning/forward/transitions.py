@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Successors of packed states, and how new a state is.
 
 Plain Python, compiled with the types in `transitions.pxd`. A packed state has `width` bytes of
@@ -11,8 +11,8 @@ from array import array
 from collections.abc import Sequence
 
 from cellwright.engine.kernels.axioms import Upkeep
+from cellwright.engine.kernels.packed_rows import PackedRows, zero_ints, zero_longs
 from cellwright.engine.kernels.sums import Comparisons, Repetitions
-from cellwright.engine.stages.planning.forward.kernels import Rows, ints, longs
 
 LARGEST = 1 << 50  # a state with a greater value has no successor
 TABLE = 1 << 16  # a power of 2
@@ -29,13 +29,13 @@ class Changes:
 
     def __init__(
         self,
-        of: Rows,
+        of: PackedRows,
         targets: Sequence[int],
         constants: Sequence[int],
-        parts: Rows,
+        parts: PackedRows,
         sources: Sequence[int],
         factors: Sequence[int],
-        touched: Rows,
+        touched: PackedRows,
     ) -> None:
         self.of, self.parts, self.touched = of, parts, touched
         self.targets, self.sources = array("i", targets), array("i", sources)
@@ -53,12 +53,12 @@ class Transitions:
     def __init__(
         self,
         width: int,
-        needs: Rows,
-        of: Rows,
-        conditions: Rows,
-        adds: Rows,
-        deletes: Rows,
-        cancels: Rows,
+        needs: PackedRows,
+        of: PackedRows,
+        conditions: PackedRows,
+        adds: PackedRows,
+        deletes: PackedRows,
+        cancels: PackedRows,
         changes: Changes,
         comparisons: Comparisons | None,
         upkeep: Upkeep | None,
@@ -68,7 +68,7 @@ class Transitions:
         self.needs, self.of, self.conditions = needs, of, conditions
         self.adds, self.deletes, self.cancels, self.changes = adds, deletes, cancels, changes
         self.comparisons, self.upkeep = comparisons, upkeep
-        self.stamps, self.turn = ints(8 * width), 0
+        self.stamps, self.turn = zero_ints(8 * width), 0
         self.done = 0
 
     def after(self, state: bytes, operator: int, times: int) -> bytes:
@@ -190,7 +190,7 @@ class Dominance:
         If not, it is appended.
         """
         values = memoryview(state)[self.width :].cast("q")
-        own = longs(self.resources)
+        own = zero_longs(self.resources)
         view, place = own, 0
         size = len(front)
         for number in range(self.count):
@@ -223,7 +223,7 @@ class Novelty:
 
     def __init__(self, width: int, quantities: int) -> None:
         self.width, self.quantities = width, quantities
-        self.atoms, self.values = longs(8 * width), longs(TABLE)
+        self.atoms, self.values = zero_longs(8 * width), zero_longs(TABLE)
         for index in range(8 * width):
             self.atoms[index] = LARGEST
         for index in range(TABLE):

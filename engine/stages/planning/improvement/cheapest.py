@@ -1,7 +1,6 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""The cheapest way from a state to a goal: uniform-cost search (Dijkstra 1959) over all states, for
-small tasks.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Cheapest plan of a small task by uniform-cost search over all its states (Dijkstra 1959).
 
 Plain Python, which Cython compiles with the types in `cheapest.pxd`; without a compiler it runs as
 it stands, slowly. A set of atoms is a row of `words` whole numbers of 32 bits. Costs are small
@@ -12,15 +11,12 @@ from array import array
 from collections.abc import Sequence
 from typing import TypeAlias
 
+from cellwright.engine.kernels.packed_rows import zero_ints
+
 Ints: TypeAlias = "array[int]"  # 32 bits each
 Words: TypeAlias = "array[int]"  # 32 bits each, without a sign
 NONE, HOPELESS, MORE = -1, -2, -3
 SHRINKS = 4  # so many times fewer states than wait now may come with each level that is left
-
-
-def ints(length: int) -> Ints:
-    """Zeros of 32 bits."""
-    return array("i", bytes(4 * length))
 
 
 def rows(sets: Sequence[int], words: int) -> Words:
@@ -62,8 +58,12 @@ class Cheapest:
         )
         self.count = self.expanded = self.level = self.waiting = 0
         self.states = array("I", bytes(4 * words * (room + 1)))
-        self.cost, self.parent, self.by = ints(room + 1), ints(room + 1), ints(room + 1)
-        self.later, self.earlier = ints(room + 1), ints(room + 1)
+        self.cost, self.parent, self.by = (
+            zero_ints(room + 1),
+            zero_ints(room + 1),
+            zero_ints(room + 1),
+        )
+        self.later, self.earlier = zero_ints(room + 1), zero_ints(room + 1)
         self.first = array("i", [-1]) * (bound + 1)
         self.size = 1
         while self.size < 2 * room + 2:

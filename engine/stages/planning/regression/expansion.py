@@ -1,5 +1,5 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
-"""The successors of a set of open conditions: the loop in which backward chaining spends its time.
+"""Expansion of a node of backward search: the predecessors of a set of open conditions.
 
 Plain Python, compiled with the types in `expansion.pxd`.
 """

@@ -1,4 +1,4 @@
-"""What is taken when, and the earliest courses that fit between it.
+"""Keeps the schedules of objects placed so far, and places one more object as early as it fits.
 
 For acts that are chosen, everything that is asked of their starts can only be mended by starting
 later: what comes before must have ended, a resource must be free, a place must be free from when it

@@ -1,5 +1,5 @@
-"""Lower bounds of the makespan of all plans: what each object must at least ask of machines, places
-and arms.
+"""Lower bounds of the makespan of a flow: the least that each object asks of machines, places and
+arms.
 
 Every plan takes each object along some way through its graph. For any prices of resources, a way
 costs at least what the cheapest one does; and all objects together cannot ask more than there is

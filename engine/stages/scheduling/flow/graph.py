@@ -1,5 +1,5 @@
-"""From the ground task of one object to its route: what can be done with it, by which arm, on which
-machine, in which place.
+"""The route of one object from its ground task: its shortest ways, with the arms, machines and
+places to choose from.
 
 The task has this object alone. So places are free, and what others do to it is left out: they only
 hold places and resources. A path with the fewest steps leads to the goal; all such paths with the

@@ -1,4 +1,4 @@
-"""Whether quantities suffice in every order of the acts; then they couple objects no further.
+"""Whether there is enough of each quantity (reagents, stock) in every order of the acts of a flow.
 
 Of each quantity all that acts may add and draw is known. A condition that holds whatever else has
 been added and drawn before holds in every order. Steps that change one quantity still do so one at

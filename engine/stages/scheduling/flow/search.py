@@ -1,5 +1,5 @@
-"""The best schedule of a flow that is found: first by rule, then by taking some items off the board
-and putting them back.
+"""Searches the best schedule of a flow: a first one by rule, then objects taken out and put back in
+another order.
 
 Items go on the board one after another, each as early as it fits (serial schedule generation:
 Kolisch 1996). With many alike items the least time between two of them is tried as well, so that

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Minimum 1-trees and the ascent over penalties, under costs (n, n) of 32 or 64 bits.
 
 Held & Karp 1970, 1971; the step as in Volgenant & Jonker 1982. Penalties are whole multiples of

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Parts of the chain of 1987: cheapest insertion, two-edge exchange, and the peephole.
 
 They work on all costs (n, n) of 32 or 64 bits that are the same in both directions.

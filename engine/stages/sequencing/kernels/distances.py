@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Costs between cities: looked up in a matrix, or computed from points.
 
 The figures are those of `cellwright.engine.model.tour_problem`, computed by the same operations in

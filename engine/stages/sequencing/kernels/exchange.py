@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Closed tours, and exchanges of two and three edges that make them shorter.
 
 A tour is an array of cities with its inverse (`position`). Every change is the reversal of a

@@ -1,6 +1,6 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""Minimum 1-trees of graphs with few edges (Kruskal 1956), again and again under other penalties.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Minimum 1-trees of graphs with few edges, again and again under other penalties (Kruskal 1956).
 
 Weights are costs with penalties. All of them are whole multiples of 1 / GRAIN, so sums have no
 rounding error, and edges are sorted by the digits of whole numbers. City 0 is the one that is no

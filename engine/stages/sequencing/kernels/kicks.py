@@ -1,7 +1,6 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""Annealing with kicks: double bridges between places that are near each other, along the tour or
-in space.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Annealing of closed tours by kicks: double bridges between places near each other.
 
 Martin, Otto & Felten 1991 (double-bridge kicks with annealed acceptance); here the kicks are local.
 """

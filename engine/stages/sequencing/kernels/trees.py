@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Minimum 1-trees of all edges without a matrix (Prim 1957).
 
 Weights are costs with penalties. All of them are whole multiples of 1/64, so sums have no rounding

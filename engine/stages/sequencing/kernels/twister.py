@@ -1,7 +1,7 @@
-# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False,
-# initializedcheck=False cython: cdivision=True
-"""Random numbers: the Mersenne Twister (Matsumoto & Nishimura 1998), with the numbers that NumPy's
-`RandomState` gives.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""The Mersenne Twister (Matsumoto & Nishimura 1998): the same random numbers as NumPy's
+`RandomState`.
 
 A seed gives the same numbers on every machine, compiled or not.
 """

@@ -1,5 +1,5 @@
-# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False,
-# wraparound=False cython: initializedcheck=False, cdivision=True
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
+# cython: wraparound=False, initializedcheck=False, cdivision=True
 """The rays of a camera's pixels on triangles: how deep the first one hit lies, and which it is.
 
 A ray meets a triangle where it passes all three planes through the eye and an edge on the same

@@ -11,8 +11,8 @@ import pytest
 
 from cellwright.engine.kernels.cancellation import never
 from cellwright.engine.pipelines.jobs import WorkKind, carried_out, crew_of
-from cellwright.kb.cycles import COLLECTION_THRESHOLD
 from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.garbage_collection import COLLECTION_THRESHOLD
 from tests.engine.pipelines.jobs.test_work_units import (
     kind,
     lost,

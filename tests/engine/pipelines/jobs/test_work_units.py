@@ -22,8 +22,8 @@ from cellwright.engine.pipelines.jobs import (
 )
 from cellwright.engine.pipelines.jobs.input_digests import content_digest, require_same
 from cellwright.engine.pipelines.jobs.work_units import carry_out_unit
-from cellwright.kb.cycles import COLLECTION_THRESHOLD, seldom_searched
 from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.garbage_collection import COLLECTION_THRESHOLD, seldom_searched
 from cellwright.kb.store.unit_ledger import UnitStore
 
 Job = tuple[str, str]  # what to do, and the folder where it is written down that it was done

@@ -15,7 +15,7 @@ import cellwright.engine.stages.diagnosis.kernels
 from cellwright.engine.kernels.cancellation import Poll
 from cellwright.engine.model.troubleshooting import Troubleshooting
 from cellwright.engine.stages.diagnosis import search_arrays
-from cellwright.engine.stages.diagnosis.pairs import RATIOS, no_pairs, pair_bounds
+from cellwright.engine.stages.diagnosis.pair_bounds import RATIOS, no_pairs, pair_bounds
 from tests.engine.interpreted import interpreted_package
 from tests.engine.stages.diagnosis.fault_cases import each_alone, isolations, troubles
 from tests.engine.stages.diagnosis.test_unsure_tests import unsure

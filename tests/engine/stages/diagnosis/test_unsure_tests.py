@@ -20,8 +20,8 @@ from cellwright.engine.model.troubleshooting import (
 )
 from cellwright.engine.stages.diagnosis import search_arrays
 from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
-from cellwright.engine.stages.diagnosis.bracketing import BracketSearch
-from cellwright.engine.stages.diagnosis.pairs import POINTS, RATIOS, pair_bounds
+from cellwright.engine.stages.diagnosis.bracket_search import BracketSearch
+from cellwright.engine.stages.diagnosis.pair_bounds import POINTS, RATIOS, pair_bounds
 from tests.engine.stages.diagnosis.fault_cases import (
     COSTS,
     brute_force,

@@ -50,7 +50,7 @@ def test_every_plan_told_of_is_better_than_the_one_before_and_the_last_is_the_an
 
 
 @given(problem=problems())
-@settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
 def test_a_race_answers_as_brute_force_does(problem: Problem) -> None:
     try:
         outcome = checked_plan.plan_problem(problem, SearchLimits(strategy=RACE))

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cellwright.engine.kernels.packed_rows import PackedRows
 from cellwright.engine.stages.planning.forward import kernels
 from tests.engine.interpreted import interpreted
 
@@ -46,7 +47,7 @@ def tasks(draw: st.DrawFn) -> Relaxed:
 
 
 def made(module: ModuleType, task: Relaxed) -> kernels.RelaxedPlans:
-    rows = [module.Rows(lists) for lists in (task.need, task.add, task.users())]
+    rows = [PackedRows(lists) for lists in (task.need, task.add, task.users())]
     plans: kernels.RelaxedPlans = module.RelaxedPlans(task.costs, task.goals, *rows)
     return plans
 
@@ -121,7 +122,7 @@ def test_costs_that_double_with_every_step_are_cut_off(module: ModuleType) -> No
         [number for number, needed in enumerate(need) if atom in needed]
         for atom in range(2 * length + 1)
     ]
-    rows = [module.Rows(each) for each in (need, add, users)]
+    rows = [PackedRows(each) for each in (need, add, users)]
     plans = module.RelaxedPlans([1] * len(need), [length], *rows)
     assert plans.evaluate(packed({0}, 2 * length + 1)) == 2 * length - 1
 
@@ -144,7 +145,7 @@ def test_landmarks_counted_agree_with_sets(module: ModuleType, data: st.DataObje
     )
     goals = data.draw(some)
     count = module.LandmarkCount(
-        module.Rows(places), module.Rows(before), module.Rows(just_before), goals
+        PackedRows(places), PackedRows(before), PackedRows(just_before), goals
     )
     accepted: set[int] = set()
     row = packed(accepted, len(places))
@@ -163,7 +164,7 @@ def test_landmarks_counted_agree_with_sets(module: ModuleType, data: st.DataObje
 
 def test_only_operators_that_are_listed_are_told_as_applicable() -> None:
     """The others count in relaxed plans all the same."""
-    rows = [kernels.Rows(each) for each in ([[0], [0], [1]], [[1], [2], [2]], [[0, 1], [2], []])]
-    plans = kernels.RelaxedPlans([5, 9, 1], [2], *rows, 1)
+    need, add = PackedRows([[0], [0], [1]]), PackedRows([[1], [2], [2]])
+    plans = kernels.RelaxedPlans([5, 9, 1], [2], need, add, PackedRows([[0, 1], [2], []]), 1)
     assert (plans.evaluate(b"\x01"), plans.applicable) == (6, [0])
     assert (sorted(plans.relaxed), plans.preferred) == ([0, 2], [0])

@@ -1,4 +1,4 @@
-"""The domain file of a PDDL task with times."""
+"""Reads the domain file of a PDDL task with times: declarations and durative actions."""
 
 from collections.abc import Iterator
 from dataclasses import replace

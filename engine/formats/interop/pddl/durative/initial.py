@@ -1,4 +1,4 @@
-"""The problem file of a PDDL task with times: objects, facts, values, timed literals, goal and
+"""Reads the problem file of a PDDL task with times: objects, facts, values, timed literals, goal,
 metric.
 """
 

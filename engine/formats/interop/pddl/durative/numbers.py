@@ -1,4 +1,4 @@
-"""Numbers of PDDL with times: any arithmetic of functions, kept exactly, as terms."""
+"""Reads the arithmetic of a PDDL task with times as exact terms."""
 
 from cellwright.engine.formats.interop.pddl.declared_names import NameMapping
 from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, PddlWord

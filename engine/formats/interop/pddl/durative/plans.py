@@ -1,4 +1,6 @@
-"""Plans with times in the format of the planning competitions: `0.000: (move a b) [5.000]`."""
+"""Reads and writes plans with times in the format of the planning competitions: `0.000: (move a b)
+[5.000]`.
+"""
 
 import json
 import re

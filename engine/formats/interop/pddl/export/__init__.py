@@ -11,7 +11,7 @@ which become numeric fluents. Durations and resources are left out.
 from dataclasses import dataclass
 from pathlib import Path
 
-from cellwright.engine.formats.interop.pddl.export.background import NotLiftable
+from cellwright.engine.formats.interop.pddl.export.export_statics import NotLiftable
 from cellwright.engine.formats.interop.pddl.export.exported_plans import GroundPlans, LiftedPlans
 from cellwright.engine.formats.interop.pddl.export.flat_problem import flatten_problem
 from cellwright.engine.formats.interop.pddl.export.ground_export import GroundWriter

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from cellwright.engine.formats.interop.pddl.export.background import (
+from cellwright.engine.formats.interop.pddl.export.export_statics import (
     CHAIN,
     NUMERAL,
     Background,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import networkx as nx
 
-from cellwright.engine.formats.interop.pddl.export.background import (
+from cellwright.engine.formats.interop.pddl.export.export_statics import (
     Background,
     FreshVariables,
     NotLiftable,

@@ -1,10 +1,10 @@
-"""Operators that PDDL can express: tables for constraints, all consequences of their effects."""
+"""Rewrites operators for PDDL: constraints become tables of facts, consequences become effects."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from cellwright.engine.formats.interop.pddl.export.background import NotLiftable
 from cellwright.engine.formats.interop.pddl.export.chain_counters import ChainCounters
+from cellwright.engine.formats.interop.pddl.export.export_statics import NotLiftable
 from cellwright.engine.formats.interop.pddl.export.flat_conditions import (
     FALSE_CONDITION,
     Conditions,

@@ -6,13 +6,13 @@ With fewer conditional effects, more planners and heuristics accept the export.
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from cellwright.engine.formats.interop.pddl.export.background import (
+from cellwright.engine.formats.interop.pddl.export.chain_counters import BEGIN, REACH, ChainCounters
+from cellwright.engine.formats.interop.pddl.export.export_statics import (
     CHAIN,
     NUMERAL,
     WORDS,
     Background,
 )
-from cellwright.engine.formats.interop.pddl.export.chain_counters import BEGIN, REACH, ChainCounters
 from cellwright.engine.formats.interop.pddl.export.flat_conditions import (
     FALSE_CONDITION,
     Conditions,

@@ -1,4 +1,4 @@
-"""What conditions and numbers are worth in a state, and which atoms and numbers they read."""
+"""Evaluates conditions and numbers in a state, and lists the atoms and numbers that they read."""
 
 import itertools
 from collections.abc import Iterator, Mapping

@@ -1,5 +1,5 @@
-"""The search between bounds behind the interface of the exact searches: for outcomes that are
-not sure.
+"""Test selection where outcomes are uncertain: a search between lower and upper bounds
+(`kernels.bracket`) with the interface of the exact searches.
 """
 
 import math
@@ -14,7 +14,7 @@ from cellwright.engine.stages.diagnosis import search_arrays
 from cellwright.engine.stages.diagnosis.kernels import bracket
 from cellwright.engine.stages.diagnosis.kernels.belief import Beliefs, Trail
 from cellwright.engine.stages.diagnosis.kernels.bracket import Brackets
-from cellwright.engine.stages.diagnosis.pairs import RATIOS, no_pairs, pair_bounds
+from cellwright.engine.stages.diagnosis.pair_bounds import RATIOS, no_pairs, pair_bounds
 
 FIRST_STATES, FIRST_ROOM = 1 << 12, 1 << 8
 CLOSE = 1e-10  # relative distance of bounds that count as equal

@@ -1,4 +1,6 @@
-"""The static part of an export: static facts, objects and their types, computed once by clingo."""
+"""What never changes in an exported problem: static facts, objects and their types, computed once
+by clingo.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator

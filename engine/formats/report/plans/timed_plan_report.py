@@ -1,5 +1,5 @@
-"""Plans with times as text and data: each step with its start and its duration, the makespan,
-and its lower bound.
+"""Plans with times as text and data: start and duration of each step, makespan, and its lower
+bound.
 """
 
 from collections.abc import Callable

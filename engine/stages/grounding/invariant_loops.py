@@ -1,8 +1,8 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False
-"""Which operators leave at most one atom of a group true: the loops of invariant synthesis
-(`invariants.py`).
+"""The inner loops of invariant synthesis (`mutex_invariants`): which operators keep at most one
+atom of a group true.
 
-Plain Python, compiled with the types in `conserving.pxd`.
+Plain Python, compiled with the types in `invariant_loops.pxd`.
 """
 
 from collections.abc import Sequence

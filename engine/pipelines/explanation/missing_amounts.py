@@ -1,4 +1,4 @@
-"""What the goals need more of than there is, as the change of facts that would be just enough."""
+"""The amounts that the goals lack, as the smallest change of the initial facts that would do."""
 
 from collections.abc import Iterator, Sequence
 

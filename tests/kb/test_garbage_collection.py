@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from cellwright.kb.cycles import search_now
+from cellwright.kb.garbage_collection import search_now
 
 
 @pytest.fixture(autouse=True)

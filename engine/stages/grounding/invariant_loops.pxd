@@ -1,4 +1,4 @@
-# Types with which Cython compiles conserving.py. Its meaning is written there.
+# Types with which Cython compiles invariant_loops.py. Its meaning is written there.
 import cython
 
 from cellwright.engine.kernels.bits cimport indices

@@ -1,5 +1,5 @@
-"""Lower bounds for two causes by themselves, at ratios of their weights, as if every test could
-be repeated independently.
+"""Lower bounds of the cost of a case by pairs of causes, as if every test could be repeated
+independently.
 """
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
-"""Problems in time of unified-planning: durative actions and timed effects, by way of PDDL, and
-time-triggered plans back.
+"""Translates unified-planning problems with times (durative actions, timed effects) by way of PDDL,
+and their plans back.
 """
 
 import tempfile

@@ -1,5 +1,5 @@
-"""Everyday ways to say what phrases say: "when done", "then back to the drawer", "heat it again for
-10 min", "put them away".
+"""Everyday wordings besides the phrases of a domain: "when done", "put them away", "heat it again
+for 10 min".
 
 Only a sentence that is not understood as it stands is said otherwise, and only if it is understood
 then. What the phrases of a domain say themselves is never touched.

@@ -1,4 +1,6 @@
-"""Settings of Python's garbage collector: rare searches, none while many values are made."""
+"""Settings of Python's garbage collector: searches for reference cycles are rare, and none while
+many values are made.
+"""
 
 import gc
 from collections.abc import Iterator

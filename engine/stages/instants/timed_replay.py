@@ -1,4 +1,4 @@
-"""A plan in time, happening by happening."""
+"""Carries out a plan with times, one instant after another, and collects what is wrong."""
 
 import itertools
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from cellwright.engine.stages.instants.acts import ADDITIVE, Act, Instant, instant_of, timed_instant
 from cellwright.engine.stages.instants.breaches import Breach, decimal
-from cellwright.engine.stages.instants.meaning import Moments, NoValue
+from cellwright.engine.stages.instants.condition_values import Moments, NoValue
 from cellwright.kb.model.durative import Moment, TemporalProblem, TimedChange, TimedPlan, TimedStep
 from cellwright.kb.terms import Atom, Function
 

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cellwright.engine.kernels.bits import Bits, bitset, indices
-from cellwright.engine.stages.grounding import conserving
+from cellwright.engine.stages.grounding import invariant_loops
 from tests.engine.interpreted import interpreted
 
 SIZE = 6
 BOTH = pytest.mark.parametrize(
-    "module", [conserving, interpreted(conserving)], ids=["imported", "interpreted"]
+    "module", [invariant_loops, interpreted(invariant_loops)], ids=["imported", "interpreted"]
 )
 sets = st.sets(st.integers(0, SIZE - 1), max_size=3).map(bitset)
 # needs, adds, deletes, what conditional effects add
