@@ -342,11 +342,11 @@ class _Assembly:
                 continue
             one, other = (id(self.steps[moment.step]) for moment in (lag.earlier, lag.later))
             if count[one] == count[other] == 1 and one in moments and other in moments:
-                ends = (
+                earlier, later = (
                     replace(moments[key], offset=moments[key].offset + moment.offset)
                     for key, moment in ((one, lag.earlier), (other, lag.later))
                 )
-                window = StageWindow(*ends, lag.least, lag.most)
+                window = StageWindow(earlier, later, lag.least, lag.most)
                 if window.earlier.stage != window.later.stage:
                     yield window
                 elif not _is_kept_inside(window):

@@ -17,7 +17,7 @@ from ortools.sat.python.cp_model import (
     Domain,
     IntervalVar,
     IntVar,
-    LinearExprT,
+    LinearExpr,
     LiteralT,
 )
 
@@ -106,7 +106,7 @@ class OrderModel:
         self._open()
         self._minimise()
 
-    def _keep(self, lag: StepLag) -> LinearExprT:
+    def _keep(self, lag: StepLag) -> LinearExpr | int:
         """A window between two steps; the cost of what it is broken by, if it has a price."""
         lasts = self._time(lag.later) - self._time(lag.earlier)
         if lag.price is None:
@@ -120,7 +120,7 @@ class OrderModel:
             self.cp.add(broken >= lasts - lag.most)
         return lag.price * broken
 
-    def _time(self, moment: StepMoment) -> LinearExprT:
+    def _time(self, moment: StepMoment) -> LinearExpr | int:
         if moment.step == AT_START:
             return 0
         if moment.step == AT_END:

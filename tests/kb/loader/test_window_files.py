@@ -134,7 +134,9 @@ def test_calendars_have_spans_that_come_again(tmp_path: Path) -> None:
 
 
 def test_a_night_goes_on_the_next_day(tmp_path: Path) -> None:
-    (night,) = loaded(tmp_path, "calendars: [{of: saw, open: 22 h to 6 h, every: 24 h}]\n").calendars
+    (night,) = loaded(
+        tmp_path, "calendars: [{of: saw, open: 22 h to 6 h, every: 24 h}]\n"
+    ).calendars
     assert night.soonest(0, 6 * 3600) == 0
     assert night.soonest(1, 6 * 3600) == 22 * 3600
     assert night.soonest(1, 8 * 3600) == 22 * 3600

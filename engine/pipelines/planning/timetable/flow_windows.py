@@ -4,7 +4,7 @@ acts may use only when a calendar allows it.
 A window has to be about one object of the workflow: one that joins events of several has no route.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from cellwright.engine.model.flow import Route, RouteLag, RouteMoment, Use
@@ -16,7 +16,14 @@ from cellwright.engine.stages.scheduling.window_lags import StepLag, StepMoment,
 from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.model.time_windows import EventKind, EventPattern, Side, TimeOfWork, TimeWindow
+from cellwright.kb.model.time_windows import (
+    Bindings,
+    EventKind,
+    EventPattern,
+    Side,
+    TimeOfWork,
+    TimeWindow,
+)
 from cellwright.kb.terms import Function, Term, term_variables
 
 Layers = Sequence[Sequence[Edge]]
@@ -158,7 +165,7 @@ class _RouteWindows:
                     raise NoRoute("a window joins what is done with several objects")
         return any_matches
 
-    def _is_told(self, pattern: EventPattern, values: Mapping[Term, Term]) -> bool:
+    def _is_told(self, pattern: EventPattern, values: Bindings) -> bool:
         named = Function("", (*values.values(), *pattern.atom.arguments))
         return contains_term(named, self.subject)
 
@@ -187,8 +194,8 @@ class _WayLag:
 
     @classmethod
     def of(cls, lag: StepLag, spots: Sequence[tuple[int, int, int]]) -> "_WayLag":
-        ends = (_WayMoment.of(moment, spots) for moment in (lag.earlier, lag.later))
-        return cls(*ends, lag.least, lag.most, lag.price)
+        earlier, later = _WayMoment.of(lag.earlier, spots), _WayMoment.of(lag.later, spots)
+        return cls(earlier, later, lag.least, lag.most, lag.price)
 
 
 def _shape(lag: _WayLag) -> tuple[object, ...]:

@@ -31,7 +31,9 @@ def solved(
     late = solver.value(model.wrong)
     least = 0 if late else round(solver.best_objective_bound)
     return Flowed(
-        tuple(courses[n] for n in range(len(flow.items))), max(bound, least), status == cp_model.OPTIMAL
+        tuple(courses[n] for n in range(len(flow.items))),
+        max(bound, least),
+        status == cp_model.OPTIMAL,
     )
 
 

@@ -51,7 +51,8 @@ class Asked:
 
     def line(self) -> str:
         ends = [
-            f"{('start', 'end')[end]} of step {STEPS[step]}" for step, end in (self.earlier, self.later)
+            f"{('start', 'end')[end]} of step {STEPS[step]}"
+            for step, end in (self.earlier, self.later)
         ]
         said = " ".join(
             f"at {word} {limit}"
@@ -74,7 +75,9 @@ def windows(draw: st.DrawFn, priced: bool) -> Asked:
     least = draw(st.none() | st.integers(0, 4))
     most = draw(st.integers(least or 0, 5) if least is None else st.none() | st.integers(least, 5))
     price = draw(st.integers(1, 3)) if priced and draw(st.booleans()) else None
-    return Asked((one, draw(st.integers(0, 1))), (other, draw(st.integers(0, 1))), least, most, price)
+    return Asked(
+        (one, draw(st.integers(0, 1))), (other, draw(st.integers(0, 1))), least, most, price
+    )
 
 
 @dataclass(frozen=True)
@@ -127,9 +130,7 @@ class SmallShop:
 
 @st.composite
 def shops(draw: st.DrawFn, priced: bool = False) -> SmallShop:
-    steps = tuple(
-        (draw(st.sampled_from(["m1", "m2"])), draw(st.integers(1, 2))) for _ in range(4)
-    )
+    steps = tuple((draw(st.sampled_from(["m1", "m2"])), draw(st.integers(1, 2))) for _ in range(4))
     asked = tuple(draw(st.lists(windows(priced), min_size=1, max_size=2, unique=True)))
     opens = draw(st.none() | st.tuples(st.integers(0, 3), st.integers(5, 8)))
     return SmallShop(steps, asked, opens)

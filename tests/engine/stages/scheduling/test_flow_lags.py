@@ -68,7 +68,9 @@ def flows(draw: st.DrawFn, priced: bool = False) -> Flow:
     items = tuple(Item(f"item {n}", 0) for n in range(draw(st.integers(1, 2))))
     span = draw(st.tuples(st.integers(0, 2), st.integers(5, 20)))
     calendar = TimeOfWork(Function("one"), False, (span,), draw(st.none() | st.just(20)))
-    return Flow((Route(tuple(layers), lags=own),), items, {"one": 1, "other": 1}, {"open": calendar})
+    return Flow(
+        (Route(tuple(layers), lags=own),), items, {"one": 1, "other": 1}, {"open": calendar}
+    )
 
 
 def courses_of(flow: Flow) -> Iterator[tuple[Course, ...]]:
