@@ -16,10 +16,10 @@ from cellwright.kb.loader.yaml_tree import YamlNode
 
 MAX_RANGE_NAMES = 10_000  # names of one range that are told apart
 NUMBERED_NAMES = re.compile(r"([a-z][A-Za-z0-9_]*?)([0-9]{1,9})\.\.(?:\1)?([0-9]{1,9})")
-WINDOW_WORDS = frozenset(
-    ("at", "most", "least", "and", "exactly", "up", "to", "from", "start", "end", "of", "step")
-    + ("plan", "price")
-)  # words of a window of time that name nothing
+WINDOW_WORDS = {
+    *("at", "least", "most", "and", "exactly", "up", "price"),
+    *("from", "to", "start", "end", "of", "step", "plan"),
+}  # words of a window of time that name nothing
 PHRASE_SLOT = re.compile(r"\{\s*([A-Z_]\w*)\s*(?::\s*([a-z]\w*))?\s*\}")
 
 
