@@ -79,7 +79,8 @@ class Explanation:
     would reach the only one. `changes` are the smallest ones; each is proved by a plan. `untried`
     is how many changes that might help were left when a limit was reached. `gaps` say what no
     operator makes true; they are told where no change of facts helps. `fewer` says that any fewer
-    of several goals have a plan; else that was not decided.
+    of several goals have a plan; else that was not decided. `relaxed` are windows of time with what
+    they would have to allow, so that there is a plan of `relaxed_steps` steps.
     """
 
     status: str
@@ -90,6 +91,8 @@ class Explanation:
     untried: int = 0
     gaps: tuple[str, ...] = ()
     fewer: bool = True
+    relaxed: tuple[str, ...] = ()
+    relaxed_steps: int = 0
 
 
 @dataclass(frozen=True, slots=True)

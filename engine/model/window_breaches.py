@@ -171,6 +171,7 @@ class WindowBreach:
     lasts: int
     amount: int
     steps: tuple[StepId, StepId]
+    events: tuple[Atom | None, Atom | None] = (None, None)
 
     @property
     def cost(self) -> int:
@@ -256,6 +257,10 @@ class PlanEvents:
             lasts,
             amount,
             (self._number(pair.earlier), self._number(pair.later)),
+            (
+                None if pair.earlier is None else pair.earlier.atom,
+                None if pair.later is None else pair.later.atom,
+            ),
         )
 
     def _number(self, occurrence: Occurrence | None) -> StepId:

@@ -18,6 +18,7 @@ from cellwright.engine.model.window_breaches import (
     occurrences_of,
     off_hours,
 )
+from cellwright.engine.pipelines.planning.window_proofs import find_impossible_window
 from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
 from cellwright.engine.stages.lifted.lifted_execution import changes_of
 from cellwright.engine.stages.scheduling.window_lags import StepLag, lags_in_order
@@ -95,9 +96,25 @@ def why_not_given(problem: Problem, timetable: Timetable) -> Infeasible | GaveUp
     """Why a plan is not given out that breaks a window that must be kept, or a calendar."""
     unit = problem.domain.time_unit
     hard = [breach for breach in timetable.breaches if breach.window.is_hard]
+    impossible = find_impossible_window(problem, hard, timetable.floor)
+    if impossible is not None and impossible.is_needed:
+        return Infeasible(f"no plan keeps this window: {impossible.text(unit)}")
+    if impossible is not None:
+        return GaveUp(f"no plan with both events keeps this window: {impossible.text(unit)}")
     return GaveUp(
         f"no plan was found that keeps all times: {_named(hard, timetable.outside, unit)}"
     )
+
+
+def with_prices(problem: Problem) -> Problem:
+    """The problem in which every window may be broken; those that may not be have a price that is
+    more than that of all others.
+    """
+    dear = 1 + 10 * max((window.price or 0 for window in problem.all_windows), default=0)
+    windows = tuple(
+        replace(window, price=dear) if window.is_hard else window for window in problem.all_windows
+    )
+    return replace(problem, domain=replace(problem.domain, windows=()), windows=windows)
 
 
 def _named(hard: Sequence[WindowBreach], outside: Sequence[OffHours], unit: str) -> str:

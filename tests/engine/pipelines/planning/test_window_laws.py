@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.pipelines.planning.plan_files import check_plan
 from cellwright.engine.pipelines.planning.plan_objective import Run, plan_for_objective
 from cellwright.kb.loader import load_problem
@@ -35,8 +35,16 @@ operators:
     resources: Machine, Job
     duration: Time
 """
+WITH_EVENTS = (
+    DOMAIN.replace(
+        "operators:", 'events: {"first_done(job)": {}, "second_done(job)": {}}\noperators:'
+    )
+    .replace("adds: begun(Job)", "adds: begun(Job), first_done(Job)")
+    .replace("adds: done(Job)", "adds: done(Job), second_done(Job)")
+)
 UNTIL = 9  # by which all is done in the slow search
-STEPS = ("begin(a)", "finish(a)", "begin(b)", "finish(b)")
+STEPS = ("step begin(a)", "step finish(a)", "step begin(b)", "step finish(b)")
+EVENTS = ("first_done(a)", "second_done(a)", "first_done(b)", "second_done(b)")
 
 
 @dataclass(frozen=True)
@@ -49,10 +57,9 @@ class Asked:
     most: int | None
     price: int | None
 
-    def line(self) -> str:
+    def line(self, named: tuple[str, ...]) -> str:
         ends = [
-            f"{('start', 'end')[end]} of step {STEPS[step]}"
-            for step, end in (self.earlier, self.later)
+            f"{('start', 'end')[end]} of {named[step]}" for step, end in (self.earlier, self.later)
         ]
         said = " ".join(
             f"at {word} {limit}"
@@ -88,15 +95,22 @@ class SmallShop:
     asked: tuple[Asked, ...]
     open: tuple[int, int] | None
 
-    def text(self) -> str:
+    def text(self, ordered: bool = False) -> str:
         facts = [
             f"  - {('first', 'second')[n % 2]}({'ab'[n // 2]}, {machine}, {lasts})"
             for n, (machine, lasts) in enumerate(self.steps)
         ]
         said = ["problem: p", "domain: shop", "objects: {job: [a, b]}", "statics:", *facts]
-        said += ["goals: [done(a), done(b)]"]
+        if ordered:
+            said += [
+                "workflow:",
+                "  - for: {J: [a, b]}",
+                "    stages: first_done(J), second_done(J)",
+            ]
+        else:
+            said += ["goals: [done(a), done(b)]"]
         said += ["windows:"] if self.asked else []
-        said += [f'  - "{each.line()}"' for each in self.asked]
+        said += [f'  - "{each.line(EVENTS if ordered else STEPS)}"' for each in self.asked]
         if self.open is not None:
             said += ["calendars:", f"  - {{of: m1, open: {self.open[0]} to {self.open[1]}}}"]
         return "\n".join(said) + "\n"
@@ -136,10 +150,10 @@ def shops(draw: st.DrawFn, priced: bool = False) -> SmallShop:
     return SmallShop(steps, asked, opens)
 
 
-def answer(shop: SmallShop) -> Run:
+def answer(shop: SmallShop, ordered: bool = False) -> Run:
     with TemporaryDirectory() as folder:
-        (Path(folder) / "domain.yaml").write_text(DOMAIN)
-        (Path(folder) / "p.yaml").write_text(shop.text())
+        (Path(folder) / "domain.yaml").write_text(WITH_EVENTS if ordered else DOMAIN)
+        (Path(folder) / "p.yaml").write_text(shop.text(ordered))
         problem = load_problem(Path(folder) / "p.yaml")
         run = plan_for_objective(problem)
         if isinstance(run.outcome, Found):
@@ -163,6 +177,16 @@ def test_windows_are_kept_in_the_least_time(shop: SmallShop) -> None:
         assert value(run) == best
     elif run.timetable is not None:
         assert run.timetable.schedule.makespan > UNTIL
+
+
+@settings(max_examples=share(60), deadline=None)
+@given(shop=shops())
+def test_windows_of_a_workflow_are_kept_and_what_none_keeps_is_proved(shop: SmallShop) -> None:
+    run, best = answer(shop, ordered=True), shop.best()
+    if best is not None:
+        assert value(run) == best
+    elif isinstance(run.outcome, Infeasible):
+        assert "the shortest possible is" in run.outcome.reason
 
 
 @settings(max_examples=share(60), deadline=None)
