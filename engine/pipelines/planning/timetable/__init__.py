@@ -151,7 +151,7 @@ def without_spares(
     )
     return [
         *(candidate for candidate in timed_ if isinstance(candidate, Timetable)),
-        *(t for timetables_shared in shared for t in timetables_shared),
+        *(_judged(problem, t, 0) for timetables_shared in shared for t in timetables_shared),
     ]
 
 

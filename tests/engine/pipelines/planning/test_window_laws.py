@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found, Infeasible
@@ -181,6 +181,13 @@ def test_windows_are_kept_in_the_least_time(shop: SmallShop) -> None:
 
 @settings(max_examples=share(60), deadline=None)
 @given(shop=shops())
+@example(
+    SmallShop(
+        (("m1", 1), ("m1", 1), ("m2", 1), ("m2", 1)),
+        (Asked((0, 1), (1, 0), None, 0, None),),
+        (1, 5),
+    )
+)  # blocks that are shared out among machines, too, are looked at
 def test_windows_of_a_workflow_are_kept_and_what_none_keeps_is_proved(shop: SmallShop) -> None:
     run, best = answer(shop, ordered=True), shop.best()
     if best is not None:
