@@ -27,8 +27,10 @@ def understand_command(
     from cellwright.kb.commands.sentence import read_sentence
 
     problem = target if isinstance(target, Problem) else Problem("command", target)
-    goal, chains = read_sentence(problem, text, place or command_line_place(text))
-    return dataclasses.replace(problem, goal=goal, chains=chains)
+    goal, chains, windows = read_sentence(problem, text, place or command_line_place(text))
+    return dataclasses.replace(
+        problem, goal=goal, chains=chains, windows=(*problem.windows, *windows)
+    )
 
 
 def command_line_place(text: str) -> Callable[[int], Source]:
