@@ -10,7 +10,7 @@ from cellwright.engine.pipelines.contact_states import NetRequest, net_space
 from cellwright.engine.pipelines.inspection import nominal_values
 from cellwright.engine.pipelines.inspection.tour_demands import demand_findings
 from cellwright.engine.pipelines.planning.missed_windows import find_missed_windows
-from cellwright.engine.pipelines.planning.plan_files import generated_if_bare
+from cellwright.engine.pipelines.planning.target_files import generated_if_bare
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.grounding import (
     default_instances,

@@ -1,4 +1,4 @@
-"""Words of answers: counted nouns, and the purposes and conditions of plan steps."""
+"""Words of answers about plans: the purposes and conditions of their steps."""
 
 from collections.abc import Callable
 
@@ -45,13 +45,3 @@ def plain_condition(condition: Atom) -> str:
     """A condition as people write it: `not p` for `not(p)`."""
     negative = condition.name == "not" and len(condition.arguments) == 1
     return f"not {condition.arguments[0]}" if negative else str(condition)
-
-
-def count_noun(number: int, noun: str) -> str:
-    """A number of things: `1 step`, `2 steps`."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def name_with_meaning(name: str, says: str) -> str:
-    """A name with what it means, if anybody has said it."""
-    return f"{name}: {says}" if says else name

@@ -23,7 +23,7 @@ MOST = 2**31 - 1
 LEAST = -MOST - 1
 HALF = 2**16
 LARGEST_POWER = 64  # a greater exponent is too large for any base but -1, 0 and 1
-_NEEDS_LOOK = re.compile(r"[-+*]|#sum")
+_NEEDS_LOOK = re.compile(r"(?<!:)-|[+*]|#sum")  # not the sign of a rule, `:-`
 _NAMES = {"+": "sum", "-": "difference", "*": "product", "**": "power"}
 
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, prod
 
-from cellwright.kb.asp import AspError, Grounder, ground_term
+from cellwright.kb.asp import Grounder
 from cellwright.kb.asp.bounded_grounding import GroundingTooLarge
+from cellwright.kb.asp.number_ranges import StaticNumbers
 from cellwright.kb.asp.overflow import WatchedRule, overflows, rules_that_watch
 from cellwright.kb.asp.static_program import VIOLATED, dependency_closure, static_program
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -17,7 +18,7 @@ from cellwright.kb.model.domain_model import OBJECT_TYPE
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.model.statement import Sign, Signature, Statement
 from cellwright.kb.plain_terms import plain_terms
-from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Variable, term_variables
+from cellwright.kb.terms import ANYTHING, Atom, Function, Variable, term_variables
 
 TRIAL_INSTANCES = 20_000_000  # instances: what may have more is grounded on trial first
 UNBOUNDED_INSTANCES = 1e18  # instances: more than that is not told apart
@@ -27,7 +28,6 @@ STATIC_FIELDS = ("types", "further_parents", "functions", "objects", "predicates
 KEPT_GROUNDERS = 3  # problems whose evaluated facts are kept
 # names with which a statement may begin
 HEAD_NAME = re.compile(r"(?:^|\.)[\s{]*([a-z_]\w*)", re.MULTILINE)
-ASP_RANGE = re.compile(r"([^\s(,;:{]+)\s*\.\.\s*([^\s),;.}]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +206,7 @@ class _Extents:
         self.types = {type_: self._count(type_, kinds) for type_ in problem.domain.types}
         self.facts = Counter((fact.name, len(fact.arguments)) for fact in problem.statics)
         self.made: dict[Signature, float] = dict(self.facts)
+        self.numbers = StaticNumbers(self.statics, self.domain.asp, self.domain.types)
 
     def _count(self, type_: str, kinds: Mapping[str, int]) -> float:
         """The number of objects of a type; without a bound if terms may be among its values."""
@@ -233,7 +234,8 @@ class _Extents:
         ]
         plain = [(atom.name, len(atom.arguments)) for atom in atoms] == read
         counts = self._joined(atoms) if plain else (self._size(predicate) for predicate in read)
-        return min(_count_range_values(rule.text) * prod(counts), UNBOUNDED_INSTANCES)
+        range_values = min(self.numbers.count_range_values(rule), UNBOUNDED_INSTANCES)
+        return min(range_values * prod(counts), UNBOUNDED_INSTANCES)
 
     def _size(self, predicate: Signature) -> float:
         if predicate in self.made:
@@ -271,20 +273,6 @@ class _Extents:
             alike = Counter(tuple(arguments[n] for n in known) for arguments in facts)
             self.degrees[predicate, known] = float(max(alike.values()))
         return self.degrees[predicate, known]
-
-
-def _count_range_values(text: str) -> float:
-    """How many values the ranges in a rule have together; very many if a bound is a name."""
-    product = 1.0
-    for low, high in ASP_RANGE.findall(text):
-        try:
-            first, last = ground_term(low), ground_term(high)
-        except AspError:
-            return UNBOUNDED_INSTANCES
-        if not (isinstance(first, Number) and isinstance(last, Number)):
-            return UNBOUNDED_INSTANCES
-        product *= max(last.value - first.value + 1, 1)
-    return product
 
 
 def _is_endless(rule: Statement) -> bool:

@@ -53,6 +53,31 @@ MAX_COMMAND_LENGTH = 5_000
 MAX_ACTS = 5_000
 
 
+def understand_command(
+    target: Problem | Domain, text: str, place: Callable[[int], Source] | None = None
+) -> Problem:
+    """The problem with the goal and chains of a command in words. For a domain, the problem starts
+    from its defaults.
+
+    `place` gives the place of character n of the text; without it, places are in the text itself.
+    Raises `InvalidInput`.
+    """
+    problem = target if isinstance(target, Problem) else Problem("command", target)
+    goal, chains, windows = read_sentence(problem, text, place or command_line_place(text))
+    return replace(problem, goal=goal, chains=chains, windows=(*problem.windows, *windows))
+
+
+def command_line_place(text: str) -> Callable[[int], Source]:
+    """A function from a character of a text on the command line to its place."""
+
+    def where(offset: int) -> Source:
+        start = text.rfind("\n", 0, offset) + 1
+        line = text[start:].partition("\n")[0]
+        return Source("--command", text.count("\n", 0, offset) + 1, offset - start + 1, line)
+
+    return where
+
+
 def read_sentence(
     problem: Problem, text: str, place: Callable[[int], Source]
 ) -> tuple[Condition, tuple[Chain, ...], tuple[TimeWindow, ...]]:

@@ -76,4 +76,5 @@ else:
                 "problem_files",
             ),
         },
+        libraries={".loading": ("cellwright.kb.schema.domain", "cellwright.kb.syntax")},
     )

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from math import prod
 
+from cellwright.kb import commands
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, select_errors, unknown_name
 from cellwright.kb.loader.declarations import read_objects
 from cellwright.kb.loader.numeric_expressions import with_values
@@ -50,11 +51,8 @@ def apply_command(problem: Problem, reader: Reader) -> Problem:
     if select_errors(reader.findings.diagnostics):
         # while the domain or the objects have errors, the words cannot be understood
         return problem
-    # slow to import, and few problems have a command
-    from cellwright.kb.commands import understand_command
-
     try:
-        return understand_command(problem, node.value, node.place)
+        return commands.understand_command(problem, node.value, node.place)
     except InvalidInput as error:
         for diagnostic in error.diagnostics:
             reader.findings.note(diagnostic)

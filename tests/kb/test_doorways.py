@@ -1,6 +1,7 @@
 """Doorways of rooms: what they name at run time is what type checkers read, and each name loads."""
 
 import ast
+import sys
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -74,3 +75,23 @@ def test_an_unknown_name_is_an_attribute_error_that_names_the_room() -> None:
 
 def test_a_name_is_loaded_at_each_use() -> None:
     assert open_doorway("hall", {"math": ("pi", "tau")})("tau") > 6
+
+
+def test_the_libraries_of_a_module_are_loaded_before_it_and_with_no_module_beside_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "large_library_here.py").write_text("ORDER = ['library']\n")
+    (tmp_path / "small_room_here.py").write_text(
+        "import sys\nORDER = [*sys.modules['large_library_here'].ORDER, 'room']\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    room = open_doorway(
+        "here",
+        {"small_room_here": ("ORDER",), "math": ("pi",)},
+        libraries={"small_room_here": ("large_library_here",)},
+    )
+    with pytest.raises(AttributeError):
+        room("name_that_nobody_exports")
+    assert room("pi") > 3
+    assert "large_library_here" not in sys.modules
+    assert room("ORDER") == ["library", "room"]

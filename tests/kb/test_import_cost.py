@@ -27,3 +27,27 @@ def test_a_domain_loads_its_conventions_when_it_is_asked_for_them() -> None:
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.split() == ["False", "True"]
+
+
+def loaded_after(*words: str) -> set[str]:
+    """The modules of ours that a command has loaded when it ends."""
+    code = (
+        "import os, sys; from cellwright.engine.faces.cli import main; leave = os._exit; "
+        f"os._exit = lambda code: (print(*sys.modules, file=sys.stderr), leave(code)); "
+        f"sys.argv = ['cellwright', *{list(words)!r}]; main()"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return {name for name in ran.stderr.split() if name.startswith("cellwright.")}
+
+
+def test_commands_load_only_the_stages_that_they_need() -> None:
+    planned, sequenced = (
+        loaded_after("plan", "themse/one"),
+        loaded_after("sequence", "bulkhead/one_point"),
+    )
+    stages = "cellwright.engine.stages"
+    assert f"{stages}.planning" in planned
+    assert not any(name.startswith(f"{stages}.scheduling.flow") for name in planned)
+    assert f"{stages}.sequencing" in sequenced
+    for stage in ("planning", "grounding", "scheduling", "validation"):
+        assert not any(name.startswith(f"{stages}.{stage}") for name in sequenced), stage

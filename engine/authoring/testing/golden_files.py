@@ -18,7 +18,7 @@ from cellwright.engine.formats.report.json_answers import (
     outcome_entry,
     outcome_status,
 )
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.pipelines.planning import checked_plan, plan_objective
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source

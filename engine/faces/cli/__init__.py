@@ -5,6 +5,7 @@ them.
 # `signal` takes milliseconds to load, in which Ctrl-C would print a traceback.
 import _signal  # type: ignore[import-not-found]
 import gc
+import os
 
 
 def main() -> None:
@@ -14,6 +15,8 @@ def main() -> None:
     """
     _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
     gc.set_threshold(400_000)  # rarely: few objects here refer to each other in circles
+    # Plug-ins of pydantic are for whole applications: to find them, it reads about every package.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from cellwright.engine.faces.cli.invocation import run_command_line
 
     run_command_line()

@@ -6,7 +6,7 @@ from typing import Any
 
 from cellwright.engine.faces.monitor.run_follower import WatchedRun
 from cellwright.engine.formats.report.runs.run_display import begin_text
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 
 
 def related_texts(run: WatchedRun, choice: str) -> frozenset[str]:

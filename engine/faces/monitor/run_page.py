@@ -16,7 +16,7 @@ from cellwright.engine.faces.monitor.run_views import RUN_VIEWS
 from cellwright.engine.faces.monitor.shared_state import SharedState
 from cellwright.engine.faces.monitor.view_base import PageLook, RunView
 from cellwright.engine.formats.report.runs.run_report import duration_text
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 
 
 class ChosenPanel:

@@ -11,7 +11,7 @@ from nicegui import ui
 from cellwright.engine.faces.monitor.run_follower import WatchedRun
 from cellwright.engine.faces.monitor.shared_state import SharedState
 from cellwright.engine.formats.report.runs.run_report import duration_text, narrate_problem
-from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.target_files import problem_of
 from cellwright.kb.diagnostics import InvalidInput
 
 END_PHASES = ("reached", "partly", "aborted")

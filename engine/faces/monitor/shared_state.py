@@ -26,7 +26,7 @@ from cellwright.engine.faces.monitor.run_follower import RunFollower, runs_of
 from cellwright.engine.model.run_protocol import RecordKind
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.run_socket import going_on, tell_run
-from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.target_files import problem_of
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Begun, Journal
 

@@ -11,7 +11,7 @@ from cellwright.engine.formats.interop.measurement_edits import (
     problem_text,
 )
 from cellwright.engine.formats.interop.measurement_tables import read_table, unit_m
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.part_measurements import Inspection, MeasurementPoint, measurements_of
 from cellwright.engine.pipelines.inspection.arm_capabilities import partition_for_arms
 from cellwright.engine.pipelines.inspection.measurement_points import points_of_problem, with_places

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cellwright.engine.kernels.arrays import Longs
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.part_measurements import is_shared
 from cellwright.engine.model.tour_problem import Metric, TourProblem, Visit
 from cellwright.engine.pipelines.inspection.measurement_points import with_places
@@ -25,7 +25,7 @@ from cellwright.engine.pipelines.inspection.tour_demands import (
     require_known_visits,
     with_demands,
 )
-from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.target_files import problem_of
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import File, is_file, read_file
 from cellwright.kb.numbers import MAX_NUMBER_CHARACTERS, NumberError, read_decimal, read_whole

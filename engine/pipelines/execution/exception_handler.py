@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.model.run_protocol import RecordKind
 from cellwright.engine.model.troubleshooting import Action, CaseAdvice, CaseDiagnosis, Revision

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.model.run_protocol import RecordKind
 from cellwright.engine.model.shape_fits import Alignment

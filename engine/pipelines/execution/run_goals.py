@@ -13,7 +13,7 @@ from cellwright.engine.pipelines.planning.restrictions import forbid_steps
 from cellwright.engine.pipelines.recovery import WorldState
 from cellwright.engine.pipelines.recovery.remaining_problem import remaining_problem
 from cellwright.engine.stages.validation.condition_solving import condition_holds
-from cellwright.kb.commands import understand_command
+from cellwright.kb import commands
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 from cellwright.kb.model.conditions import ALWAYS_TRUE, And, Condition, goal_parts
 from cellwright.kb.model.domain_model import Domain
@@ -58,7 +58,7 @@ def extend_problem(problem: Problem, words: str, wishes: Sequence[Atom]) -> Prob
         replace(problem, statics=_replace_wishes(problem.statics, wishes)) if wishes else problem
     )
     return (
-        merge_further_goals(changed_problem, understand_command(changed_problem, words))
+        merge_further_goals(changed_problem, commands.understand_command(changed_problem, words))
         if words
         else changed_problem
     )

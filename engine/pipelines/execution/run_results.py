@@ -12,7 +12,7 @@ from cellwright.engine.pipelines.execution.run_journal import reading_past
 from cellwright.engine.pipelines.inspection.nominal_values import MeasurementJudge
 from cellwright.engine.pipelines.inspection.spoilt_values import spoilt_in
 from cellwright.engine.pipelines.inspection.tool_tours import partition_by_tool
-from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.target_files import problem_of
 from cellwright.kb.asp import ground_term
 from cellwright.kb.model.measured_results import Measured, Results, Treated
 from cellwright.kb.model.planning_problem import Problem

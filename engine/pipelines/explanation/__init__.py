@@ -6,8 +6,8 @@ Each change is proved by a plan for the changed problem.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from cellwright.engine.model.answer_wording import count_noun
 from cellwright.engine.model.ground_task import GroundTask
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.outcome import Found, Infeasible, Outcome
 from cellwright.engine.model.plan_explanation import Amendment, Explanation
 from cellwright.engine.model.window_breaches import WindowBreach

@@ -7,7 +7,6 @@ from cellwright.kb.doorways import open_doorway
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.planning.checked_plan import check_plan as check_plan
     from cellwright.engine.pipelines.planning.checked_plan import plan_in as plan_in
-    from cellwright.engine.pipelines.planning.checked_plan import problem_of as problem_of
     from cellwright.engine.pipelines.planning.decomposition import (
         SharedMeasurements as SharedMeasurements,
     )
@@ -44,8 +43,10 @@ if TYPE_CHECKING:
     )
     from cellwright.engine.pipelines.planning.target_files import initial_facts as initial_facts
     from cellwright.engine.pipelines.planning.target_files import load_target as load_target
+    from cellwright.engine.pipelines.planning.target_files import problem_of as problem_of
     from cellwright.engine.pipelines.planning.timetable import make_timetable as make_timetable
     from cellwright.engine.pipelines.planning.timetable import subject_of as subject_of
+    from cellwright.engine.pipelines.planning.timetable.flowing import by_flow as by_flow
     from cellwright.engine.pipelines.planning.timetable.kept_order import (
         MAX_SCHEDULED_STEPS as MAX_SCHEDULED_STEPS,
     )
@@ -59,7 +60,6 @@ else:
             ".checked_plan": (
                 "check_plan",
                 "plan_in",
-                "problem_of",
             ),
             ".decomposition": (
                 "SharedMeasurements",
@@ -90,14 +90,17 @@ else:
             ".target_files": (
                 "initial_facts",
                 "load_target",
+                "problem_of",
             ),
             ".timetable": (
                 "make_timetable",
                 "subject_of",
             ),
+            ".timetable.flowing": ("by_flow",),
             ".timetable.kept_order": (
                 "MAX_SCHEDULED_STEPS",
                 "SCOPE_KEPT_ORDER",
             ),
         },
+        libraries={".target_files": ("cellwright.kb.schema.domain", "cellwright.kb.syntax")},
     )

@@ -14,6 +14,7 @@ from cellwright.engine.pipelines.planning.plan_files import check_plan as check_
 from cellwright.engine.pipelines.planning.plan_files import plan_in as plan_in
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate, refusal_error
 from cellwright.engine.pipelines.planning.target_files import load_target as load_target
+from cellwright.engine.pipelines.planning.target_files import problem_of as problem_of
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.grounding.instance_bounds import bound_instances
 from cellwright.engine.stages.grounding.pruning import (
@@ -23,52 +24,16 @@ from cellwright.engine.stages.grounding.pruning import (
     preserves_optimality,
 )
 from cellwright.engine.stages.planning import NO_MACROS, Macros, SearchLimits, plan_task
-from cellwright.kb import loader
 from cellwright.kb.asp.excerpt import excerpt_problem
-from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.diagnostics import Diagnostic
 from cellwright.kb.model.domain_model import Operator
 from cellwright.kb.model.object_likeness import constant_names
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.targets import find_target
 from cellwright.kb.terms import term_variables
 
 LITTLE_WORK = 10_000  # operators and generated nodes of a problem that is planned in no time
 LARGE_INSTANCES = 200_000  # possible instances of operators
-
-
-def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
-    """The problem that a target names. `goals`, or else a `command` in words, replaces its goals.
-
-    A domain without operators that has a contact model beside it gets those that are generated.
-    Raises `InvalidInput`.
-    """
-    from cellwright.kb.commands import understand_command
-
-    loaded_target = load_target(find_target(target))
-    if goals and command:
-        raise InvalidInput(
-            [
-                Diagnostic(
-                    Source("--command"),
-                    "K409",
-                    "goals are given already",
-                    "give --goals or --command, not both",
-                )
-            ]
-        )
-    if goals:
-        return loader.with_goals(loaded_target.domain, goals, loaded_target.problem)
-    if command:
-        return understand_command(loaded_target.problem or loaded_target.domain, command)
-    if loaded_target.problem is None:
-        problems = sorted(path.stem for path in loader.problem_files(find_target(target)))
-        ways = "give --goals or --command"
-        hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
-        raise InvalidInput(
-            [Diagnostic(Source(target), "K404", "this is a domain, not a problem", hint)]
-        )
-    return loaded_target.problem
 
 
 def plan_problem(problem: Problem, limits: SearchLimits = SearchLimits()) -> Outcome:

@@ -20,6 +20,7 @@ from cellwright.engine.model.workflow_replay import (
     reached_goals,
     replay_instances,
 )
+from cellwright.engine.pipelines import planning
 from cellwright.engine.pipelines.planning.checked_plan import in_named_order
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate, accept_plan
 from cellwright.engine.pipelines.planning.timetable import (
@@ -31,9 +32,11 @@ from cellwright.engine.pipelines.planning.timetable import (
     without_spares,
 )
 from cellwright.engine.pipelines.planning.timetable.block_schedule import operators_of
-from cellwright.engine.pipelines.planning.timetable.flowing import PLANS, by_flow
 from cellwright.engine.pipelines.planning.timetable.kept_order import LONGEST, MAX_SCHEDULED_STEPS
-from cellwright.engine.pipelines.planning.timetable.step_order import least_makespan
+from cellwright.engine.pipelines.planning.timetable.step_order import (
+    SCOPE_ALL_PLANS,
+    least_makespan,
+)
 from cellwright.engine.stages.planning import SearchLimits, plan_task
 from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps
 from cellwright.engine.stages.scheduling import ScheduleLimits
@@ -186,7 +189,7 @@ def _flowing(
         return None
     if best.schedule.proved and len({chain.subject for chain in problem.chains}) == 1:
         return None  # one object has nothing to wait for, and other plans of it were tried
-    made = by_flow(problem, work)
+    made = planning.by_flow(problem, work)
     if not isinstance(made, Timetable) or timetable_value(made)[:3] >= timetable_value(best)[:3]:
         return None
     return made
@@ -244,7 +247,9 @@ def _with_bound(timetable: Timetable, bound: int) -> Timetable:
     if timetable.schedule.makespan > bound or late:
         return timetable
     return replace(
-        timetable, schedule=replace(timetable.schedule, lower_bound=bound, proved=True), scope=PLANS
+        timetable,
+        schedule=replace(timetable.schedule, lower_bound=bound, proved=True),
+        scope=SCOPE_ALL_PLANS,
     )
 
 

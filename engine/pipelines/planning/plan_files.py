@@ -1,6 +1,5 @@
 """Reads plans from files and has the independent checker look at them; plans nothing."""
 
-import re
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -14,20 +13,18 @@ from cellwright.engine.model.time_limits import (
     windows_of,
 )
 from cellwright.engine.model.window_breaches import WindowBreach
+from cellwright.engine.pipelines.planning.target_files import generated_if_bare
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.engine.stages.validation.plan_claims import claimed_starts, last_end
 from cellwright.kb import loader
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-from cellwright.kb.files import File, is_there, read_file
+from cellwright.kb.files import is_there
 from cellwright.kb.model.plan_model import Claims, Plan, StepId
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.targets import CONTACTS_FILE, find_target
+from cellwright.kb.targets import find_target
 from cellwright.kb.terms import Number, Term
-
-# its own, or those of devices
-OPERATORS_KEY = re.compile(r"^['\"]?(operators|use)['\"]?\s*:", re.MULTILINE)
 
 
 def check_plan(
@@ -111,16 +108,3 @@ def _is_bundled(target: str) -> bool:
     with suppress(InvalidInput):
         return bool(find_target(target))
     return False
-
-
-def generated_if_bare(domain: Path) -> File | None:
-    """The generated domain for a domain file without operators that has a contact model beside
-    it, else None.
-    """
-    if not domain.with_name(CONTACTS_FILE).is_file() or OPERATORS_KEY.search(
-        read_file(domain).text
-    ):
-        return None
-    from cellwright.engine.pipelines.contact_states import generate_domain  # slow to import
-
-    return generate_domain(domain)

@@ -13,6 +13,7 @@ from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from cellwright.engine.model.part_measurements import is_put_in_order
 from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
+from cellwright.engine.pipelines import planning
 from cellwright.engine.pipelines.planning.checked_plan import (
     in_named_order,
     plan_and_ground,
@@ -118,9 +119,8 @@ def _flowing(
     if len(subjects) <= FEW:
         return None
     from cellwright.engine.pipelines.planning import makespan_plans
-    from cellwright.engine.pipelines.planning.timetable.flowing import by_flow
 
-    made = by_flow(problem, work or makespan_plans.effort(limits, len(subjects)))
+    made = planning.by_flow(problem, work or makespan_plans.effort(limits, len(subjects)))
     return None if isinstance(made, str) else made
 
 

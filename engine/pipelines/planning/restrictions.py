@@ -8,7 +8,7 @@ gripper takes a broken plate off the shaker.
 
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from cellwright.engine.model.motion_values import Unmoved
 from cellwright.engine.stages.lifted.operator_schemas import (
@@ -21,7 +21,23 @@ from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.model.conditions import And, Comparison, Condition, Literal, Or
 from cellwright.kb.model.domain_model import Operator
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.terms import Function, Term, Variable, is_ground, match_term
+from cellwright.kb.terms import ANYTHING, Atom, Function, Term, Variable, is_ground, match_term
+
+
+@dataclass(frozen=True, slots=True)
+class _ForbiddenSteps:
+    """The steps that fit a pattern, forbidden while some facts hold. Each variable of the pattern
+    stands for anything.
+    """
+
+    pattern: Function
+    while_true: tuple[Atom, ...] = ()
+
+    def are_all(self) -> bool:
+        """Whether these are all steps of an operator, at any time."""
+        return not self.while_true and all(
+            isinstance(argument, Variable) for argument in self.pattern.arguments
+        )
 
 
 def forbid_steps(
@@ -36,16 +52,13 @@ def forbid_steps(
     if not lost and not blocked:
         return problem
     losses = _Losses(problem, lost) if lost else None
-    blocked = [operator for pattern in blocked for operator in _spelt_out(problem, pattern)]
-    kept_operators = [
-        _without_steps(
-            losses.spared(each) if losses else each, [b for b in blocked if b.name == each.name]
-        )
-        for each in problem.domain.operators
-        if not (losses and losses.stops(each))
-        and not any(_is_whole(each, pattern) for pattern in blocked)
+    spelt_out = (spelt for pattern in blocked for spelt in _spelt_out(problem, pattern))
+    left_operators = [
+        losses.spared(operator) if losses else operator
+        for operator in problem.domain.operators
+        if not (losses and losses.stops(operator))
     ]
-    return replace(problem, domain=replace(problem.domain, operators=tuple(kept_operators)))
+    return _remove_steps(problem, left_operators, map(_ForbiddenSteps, spelt_out))
 
 
 def _spelt_out(problem: Problem, pattern: Function) -> Iterator[Function]:
@@ -210,67 +223,57 @@ def _mentions_resource(term: Term, resource: Term) -> bool:
     return term == resource or any(_mentions_resource(inner_term, resource) for inner_term in inner)
 
 
-def _is_whole(operator: Operator, pattern: Function) -> bool:
-    """Whether a pattern stands for every step of an operator."""
-    return pattern.name == operator.name and all(
-        isinstance(argument, Variable) for argument in pattern.arguments
-    )
-
-
-def _without_steps(operator: Operator, patterns: Sequence[Function]) -> Operator:
-    """The operator without the steps that fit a pattern: some argument is another one."""
-    if not patterns:
-        return operator
-    binding_conditions = tuple(
-        _binding_condition(operator.variables, pattern.arguments) for pattern in patterns
-    )
-    return replace(operator, precondition=And((operator.precondition, *binding_conditions)))
-
-
-def _binding_condition(variables: Sequence[Variable], values_sought: Sequence[Term]) -> Condition:
-    named = [
-        (v, term)
-        for v, term in zip(variables, values_sought, strict=True)
-        if not isinstance(term, Variable)
-    ]
-    differences = tuple(Comparison(variable, "!=", term) for variable, term in named)
-    return differences[0] if len(differences) == 1 else Or(differences)
-
-
 def forbid_unreachable_steps(problem: Problem, refused: Iterable[Unmoved]) -> Problem:
     """The problem in which no refused step is taken while the facts hold that its motion failed
     under.
     """
-    by_name: dict[str, list[Unmoved]] = {}
-    for unmoved in refused:
-        by_name.setdefault(unmoved.operator.name, []).append(unmoved)
-    kept_operators = []
-    for operator in problem.domain.operators:
-        spared = _without_refused(operator, by_name.get(operator.name, []))
-        kept_operators += [spared] if spared is not None else []
-    return replace(problem, domain=replace(problem.domain, operators=tuple(kept_operators)))
+    return _remove_steps(problem, problem.domain.operators, map(_unreachable_steps, refused))
 
 
-def _without_refused(operator: Operator, refused: list[Unmoved]) -> Operator | None:
-    """The operator without its refused steps; None if nothing is left of it."""
-    conditions: list[Condition] = []
-    for unmoved in refused:
-        refused_conditions: list[Condition] = [
-            Comparison(variable, "!=", value)
-            for n, (variable, value) in enumerate(
-                zip(operator.variables, unmoved.operator.arguments, strict=True)
-            )
-            if n not in unmoved.regardless
-        ]
-        refused_conditions += [Literal(fact, positive=False) for fact in unmoved.while_true]
-        if not refused_conditions:
-            return None
-        conditions.append(
-            refused_conditions[0] if len(refused_conditions) == 1 else Or(tuple(refused_conditions))
-        )
-    if not conditions:
+def _unreachable_steps(unmoved: Unmoved) -> _ForbiddenSteps:
+    """All steps that have no motion for the same reason as a refused one."""
+    arguments = tuple(
+        ANYTHING if place in unmoved.regardless else value
+        for place, value in enumerate(unmoved.operator.arguments)
+    )
+    return _ForbiddenSteps(Function(unmoved.operator.name, arguments), tuple(unmoved.while_true))
+
+
+def _remove_steps(
+    problem: Problem, operators: Iterable[Operator], forbidden: Iterable[_ForbiddenSteps]
+) -> Problem:
+    """The problem with these operators, and without those of their steps that are forbidden."""
+    forbidden_of: dict[str, list[_ForbiddenSteps]] = {}
+    for steps in forbidden:
+        forbidden_of.setdefault(steps.pattern.name, []).append(steps)
+    kept_operators = (
+        _without_steps(operator, forbidden_of.get(operator.name, ())) for operator in operators
+    )
+    kept = tuple(operator for operator in kept_operators if operator is not None)
+    return replace(problem, domain=replace(problem.domain, operators=kept))
+
+
+def _without_steps(operator: Operator, forbidden: Sequence[_ForbiddenSteps]) -> Operator | None:
+    """The operator without its forbidden steps; None if nothing is left of it."""
+    if any(steps.are_all() for steps in forbidden):
+        return None
+    if not forbidden:
         return operator
+    conditions = (_excluding_condition(operator.variables, steps) for steps in forbidden)
     return replace(operator, precondition=And((operator.precondition, *conditions)))
+
+
+def _excluding_condition(variables: Sequence[Variable], steps: _ForbiddenSteps) -> Condition:
+    """That a step is none of these: some argument is another one, or a fact does not hold."""
+    differences: tuple[Condition, ...] = (
+        *(
+            Comparison(variable, "!=", value)
+            for variable, value in zip(variables, steps.pattern.arguments, strict=True)
+            if not isinstance(value, Variable)
+        ),
+        *(Literal(fact, positive=False) for fact in steps.while_true),
+    )
+    return differences[0] if len(differences) == 1 else Or(differences)
 
 
 def refusal_sentence(refused: Iterable[Unmoved]) -> str:

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from cellwright.engine.model.answer_wording import count_noun
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.window_breaches import WindowBreach
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.scheduling.least_lags import (

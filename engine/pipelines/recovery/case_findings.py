@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from cellwright.engine.model.answer_wording import name_with_meaning
+from cellwright.engine.model.noun_wording import name_with_meaning
 from cellwright.engine.model.troubleshooting import CaseDiagnosis, Revision
 from cellwright.engine.pipelines.recovery import WorldState
 from cellwright.engine.pipelines.recovery.case_beliefs import NO_CAUSES, CaseBeliefs, Causes

@@ -157,3 +157,18 @@ def test_it_is_told_wherever_clingo_evaluates(
     assert diagnostic.code == "K113"
     assert "4000000000" in diagnostic.message
     assert place in str(diagnostic.where)
+
+
+@pytest.mark.parametrize("rule", ["p(X) :- q(X).", ":- q(X), X > 3.", "p :- q(X) : r(X)."])
+def test_a_rule_that_computes_nothing_is_not_parsed_again(
+    rule: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr("clingo.ast.parse_string")
+    assert rules_that_watch([WatchedRule(rule, NOWHERE, "here")]) == ""
+
+
+@pytest.mark.parametrize(
+    "rule", ["p(X-1):-q(X).", "p(Y) :- q(X), Y = X - 1.", "p(Y):-q(X),Y=-1-X."]
+)
+def test_a_minus_beside_the_sign_of_a_rule_is_seen(rule: str) -> None:
+    assert rules_that_watch([WatchedRule(rule, NOWHERE, "here")])

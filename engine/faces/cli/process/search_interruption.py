@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.faces.cli.process import progress_line
 from cellwright.engine.faces.cli.process.process_limits import current_watch
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.kb import stopping
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from cellwright.engine.faces.cli.process.search_interruption import SearchInterr
 from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 from cellwright.engine.formats import report
 from cellwright.engine.formats.report import rich_parts
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.kb import store as kb_store
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.numbers import is_count

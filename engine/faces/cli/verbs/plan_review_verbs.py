@@ -21,7 +21,7 @@ from cellwright.engine.faces.cli.process.search_interruption import SearchInterr
 from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 from cellwright.engine.formats import interop, report
 from cellwright.engine.formats.report import rich_parts
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.pipelines import planning
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 from cellwright.engine.formats.report.cells import assembly_report
 from cellwright.engine.formats.report.runs import run_report
 from cellwright.engine.formats.report.runs.recovery_report import given_up_lines
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.pipelines.manipulation.assembly_execution import AssemblyRun, CarriedPart
 from cellwright.engine.pipelines.manipulation.carry_execution import CarryEnd
 from cellwright.engine.pipelines.simulators.mujoco_replay.replay_contacts import ForbiddenContact

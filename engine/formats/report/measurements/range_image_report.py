@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 from rich.text import Text
 
 from cellwright.engine.formats.report.measurements import fit_report
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.shape_fits import Fit, Fitting, Related
 from cellwright.engine.model.vision import (
     EdgeImage,

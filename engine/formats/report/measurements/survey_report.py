@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from cellwright.engine.formats.report.text_tables import TextTable
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.verdicts import MeasuredFeature, Survey
 from cellwright.kb.model.measured_results import Results
 

@@ -7,7 +7,7 @@ from rich.text import Text
 
 from cellwright.engine.formats.report import rich_parts
 from cellwright.engine.formats.report.text_tables import TextTable
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.tour_problem import (
     ENDLESS_WINDOW,
     Tour,

@@ -5,7 +5,7 @@ from typing import Any
 
 from rich.text import Text
 
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.plan_explanation import Amendment, Explanation, Purpose, StepReason
 from cellwright.engine.model.workflow_replay import said_of
 

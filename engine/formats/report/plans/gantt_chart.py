@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.text import Text
 
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.plan_times import Bottleneck, find_bottleneck
 from cellwright.engine.model.shop_scheduling import Hold, Resource, Schedule, Shop, Timetable
 

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from cellwright.engine.formats.report.measurements import tool_groups, tour_report
 from cellwright.engine.formats.report.text_tables import TextTable
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.planning.decomposition import Itinerary
 from cellwright.engine.pipelines.planning.plan_objective import Run

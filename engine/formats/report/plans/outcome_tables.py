@@ -12,7 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from cellwright.engine.formats.report.text_tables import TextTable, indented_text, wrap_text
-from cellwright.engine.model.answer_wording import count_noun, step_purposes
+from cellwright.engine.model.answer_wording import step_purposes
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from cellwright.engine.model.plan_times import (
     History,

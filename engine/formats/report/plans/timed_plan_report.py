@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.temporal import NoPlanInTime, PlannedInTime
 from cellwright.kb.model.durative import TimedPlan, decimals
 from cellwright.kb.terms import Function

@@ -10,7 +10,7 @@ from rich.text import Text
 from rich.tree import Tree as RichTree
 
 from cellwright.engine.formats.report.text_tables import TextTable
-from cellwright.engine.model.answer_wording import name_with_meaning
+from cellwright.engine.model.noun_wording import name_with_meaning
 from cellwright.engine.model.troubleshooting import (
     CaseAdvice,
     CaseDiagnosis,

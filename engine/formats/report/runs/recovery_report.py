@@ -10,7 +10,7 @@ from cellwright.engine.formats.report import json_answers, rich_parts
 from cellwright.engine.formats.report.measurements import sequence_progress
 from cellwright.engine.formats.report.plans import outcome_tables
 from cellwright.engine.formats.report.plans import outcome_tables as outcomes
-from cellwright.engine.model.answer_wording import count_noun, name_with_meaning
+from cellwright.engine.model.noun_wording import count_noun, name_with_meaning
 from cellwright.engine.model.outcome import Outcome
 from cellwright.engine.model.troubleshooting import PreparationSteps
 from cellwright.kb.model.plan_model import Step

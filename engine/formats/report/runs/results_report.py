@@ -7,7 +7,7 @@ from rich.text import Text
 
 from cellwright.engine.formats.report.runs.run_report import clock_time
 from cellwright.engine.formats.report.text_tables import TextTable
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.kb.model.measured_results import Measured, Results, Treated
 
 VERDICT_WORDS = {True: "passed", False: "FAILED", None: "not judged"}

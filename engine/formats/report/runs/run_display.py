@@ -15,7 +15,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from cellwright.engine.formats.report.runs.run_report import duration_text, narrate_record
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.run_protocol import JournalRecord, RecordKind, RunPhase
 from cellwright.engine.pipelines.execution.plan_records import activity_of
 from cellwright.engine.stages.execution import ActivityProgram, Running, standing_of

@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from cellwright.engine.formats.report.runs.recovery_report import given_up_lines
-from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
 from cellwright.kb.model.conditions import goal_parts
 from cellwright.kb.model.planning_problem import Problem

@@ -42,6 +42,7 @@ from cellwright.engine.pipelines.planning.timetable.flows import (
     cell_flow,
     meets_others,
 )
+from cellwright.engine.pipelines.planning.timetable.step_order import SCOPE_ALL_PLANS
 from cellwright.engine.pipelines.planning.window_keeping import judge_times
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.checker import check_schedule
@@ -52,7 +53,6 @@ from cellwright.engine.stages.scheduling.shop_translation import Mislaid
 from cellwright.kb.model.planning_problem import Problem
 
 WAYS = "of all schedules of these objects on their shortest ways, with any machine, arm and place"
-PLANS = "of all plans"
 LEVEL = "level of "
 
 
@@ -110,7 +110,7 @@ def _as_plan(gate: PlanGate, cell: CellFlow, found: Flowed, floor: int) -> Timet
     if not judged.keeps_hours:
         raise Mislaid("a window between objects is not kept")
     least = floor >= found.makespan and not schedule.tardiness and judged.keeps_all
-    return replace(judged, scope=PLANS if least else WAYS)
+    return replace(judged, scope=SCOPE_ALL_PLANS if least else WAYS)
 
 
 def _stage_name(cell: CellFlow, item: int, place: int, course: Course) -> str:

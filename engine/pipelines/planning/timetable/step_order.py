@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 SCOPE_ORDERS = "of all orders of these steps"
 SCOPE_CHOICES = "of all ways to do these steps, also by other means"
+SCOPE_ALL_PLANS = "of all plans"
 ORDERING_WORK_S = 2.0  # of the work of the solver at most, and a sixth: units of it are larger here
 MAX_POOLED_STEPS = 120  # steps among which the best are chosen
 MAX_BOUNDED_OPERATORS = 5_000  # operators of a task, all of whose plans are bounded

@@ -95,7 +95,7 @@ def test_internal_errors_exit_with_70_and_no_traceback(monkeypatch: pytest.Monke
     def broken(*_: object) -> None:
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr("cellwright.engine.pipelines.planning.checked_plan.problem_of", broken)
+    monkeypatch.setattr("cellwright.engine.pipelines.planning.target_files.problem_of", broken)
     result = run(app, ["plan", "bulkhead/one_point"])
     assert result.exit_code == 70, result.output
     assert "internal error: RuntimeError: a bug" in result.stderr

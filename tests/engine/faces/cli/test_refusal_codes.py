@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning import target_files
 from cellwright.engine.plugins import geometry_backend
 from cellwright.kb.diagnostics import InvalidInput
 from tests.refusals import REFUSALS
@@ -69,5 +69,5 @@ def test_too_little_memory(monkeypatch: pytest.MonkeyPatch, places: dict[str, st
     def fill(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(checked_plan, "problem_of", fill)
+    monkeypatch.setattr(target_files, "problem_of", fill)
     assert code_of("plan bulkhead/one_point", places) == "K419"

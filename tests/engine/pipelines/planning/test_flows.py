@@ -12,8 +12,9 @@ from cellwright.engine.model.shop_scheduling import Timetable
 from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
-from cellwright.engine.pipelines.planning.timetable.flowing import PLANS, by_flow
+from cellwright.engine.pipelines.planning.timetable.flowing import by_flow
 from cellwright.engine.pipelines.planning.timetable.flows import cell_flow
+from cellwright.engine.pipelines.planning.timetable.step_order import SCOPE_ALL_PLANS
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.checker import check_schedule
 from cellwright.kb.model.planning_problem import Problem
@@ -114,7 +115,7 @@ def test_both_ovens_are_used_where_that_is_sooner(tmp_path: Path) -> None:
 def test_one_tray_goes_to_the_quick_oven(tmp_path: Path) -> None:
     made = flowing(trays(tmp_path, 1))
     assert "slow" not in used(made)
-    assert (made.schedule.makespan, made.scope) == (10 + 20 + 10 + 100 + 10 + 1, PLANS)
+    assert (made.schedule.makespan, made.scope) == (10 + 20 + 10 + 100 + 10 + 1, SCOPE_ALL_PLANS)
 
 
 def test_two_arms_share_the_work(tmp_path: Path) -> None:

@@ -1,15 +1,22 @@
-"""What is lost is not used any more, but may be carried out of the way of others."""
+"""What is lost or refused is not used any more; what is lost may be carried out of the way."""
 
+import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from cellwright.engine.model.motion_values import Unmoved
 from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.pipelines.planning import checked_plan
-from cellwright.engine.pipelines.planning.restrictions import forbid_steps
+from cellwright.engine.pipelines.planning.restrictions import forbid_steps, forbid_unreachable_steps
 from cellwright.kb.loader import load_problem
+from cellwright.kb.model.conditions import And, Comparison, Condition, Or
+from cellwright.kb.model.plan_model import StepId
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.terms import ANYTHING, Function, Number
+from cellwright.kb.terms import ANYTHING, Function, Number, match_term
 
 DOMAIN = """domain: shaking
 types: {place: object, arm: object, plate: object, lid: plate}
@@ -100,3 +107,59 @@ def test_a_pattern_may_leave_a_part_of_a_term_open() -> None:
         ),
         Found,
     )
+
+
+PLATES = st.sampled_from([Function("one"), Function("two"), Function("cover"), ANYTHING])
+PLACES = st.sampled_from([*map(Function, ("hand", "shaker", "shelf")), ANYTHING])
+
+
+@pytest.fixture(scope="module")
+def asked(tmp_path_factory: pytest.TempPathFactory) -> Problem:
+    return problem(tmp_path_factory.mktemp("shaking"), "[shaken(two)]")
+
+
+@given(blocked=st.lists(st.builds(lambda *two: Function("pick", two), PLATES, PLACES), max_size=4))
+@settings(deadline=None, derandomize=True, max_examples=30)
+def test_no_step_that_fits_a_pattern_is_left_and_every_one_besides(
+    asked: Problem, blocked: list[Function]
+) -> None:
+    without = forbid_steps(asked, blocked=blocked)
+    assert forbid_unreachable_steps(asked, map(unmoved, blocked)) == without
+    picks = [operator for operator in without.domain.operators if operator.name == "pick"]
+    for pair in itertools.product(("one", "two", "cover"), ("hand", "shaker", "shelf", "rack")):
+        step = Function("pick", tuple(map(Function, pair)))
+        fits = any(match_term(pattern, step, {}) is not None for pattern in blocked)
+        left = [pick for pick in picks if allows(pick.precondition, pick.header, step)]
+        assert bool(left) == (not fits)
+
+
+def allows(condition: Condition, header: Function, step: Function) -> bool:
+    """Whether the comparisons of a condition let a step be taken in some state."""
+    values = dict(zip(header.arguments, step.arguments, strict=True))
+    match condition:
+        case And(parts):
+            return all(allows(part, header, step) for part in parts)
+        case Or(parts):
+            return any(allows(part, header, step) for part in parts)
+        case Comparison(left, "!=", right):
+            return values[left] != right
+    return True
+
+
+def test_a_refused_step_is_forbidden_only_while_the_facts_hold_that_its_motion_failed_under(
+    tmp_path: Path,
+) -> None:
+    asked = problem(tmp_path, "[shaken(one)]")
+    shake = Function("shake", (Function("one"),))
+    assert steps(asked) == ["shake"]
+    for fact, left in (("shaker", False), ("rack", True)):
+        at_place = Function("at", (Function("one"), Function(fact)))
+        refused = replace(unmoved(shake), while_true=(at_place,))
+        assert bool(steps(forbid_unreachable_steps(asked, [refused]))) == left
+    assert not steps(forbid_unreachable_steps(asked, [unmoved(shake)]))
+
+
+def unmoved(pattern: Function) -> Unmoved:
+    """A refused step: whatever the arguments are for which the pattern has variables."""
+    places = [n for n, argument in enumerate(pattern.arguments) if argument == ANYTHING]
+    return Unmoved(StepId(1), pattern, "there", "way", "no way", regardless=frozenset(places))
