@@ -7,7 +7,7 @@ from functools import cached_property
 
 from cellwright.engine.model.outcome import GaveUp, Infeasible, Statistics
 from cellwright.engine.model.time_limits import Overstay
-from cellwright.engine.model.window_breaches import OffHours, WindowBreach
+from cellwright.engine.model.window_breaches import OffHours, WindowBreach, WindowSpan
 from cellwright.kb.model.plan_model import Plan, StepId
 
 
@@ -249,7 +249,8 @@ class Timetable:
     as blocks, if they are not; `overstays` are things that stay too long in a place. No plan at all
     ends before `floor`, as far as that is known. `missed` are the measurements that begin outside
     their windows, each with when it begins after the start of the tour. `breaches` are windows
-    between events that are not kept, `outside` steps that calendars do not allow at their time.
+    between events that are not kept, `outside` steps that calendars do not allow at their time;
+    `spans` are all windows with the times of their events.
     """
 
     plan: Plan
@@ -264,6 +265,7 @@ class Timetable:
     floor: int = 0
     breaches: tuple[WindowBreach, ...] = ()
     outside: tuple[OffHours, ...] = ()
+    spans: tuple[WindowSpan, ...] = ()
 
     @property
     def keeps_hours(self) -> bool:

@@ -160,6 +160,57 @@ def _joined_in_turn(
 
 
 @dataclass(frozen=True, slots=True)
+class WindowSpan:
+    """A window in a plan with times: both events in words, and when they are. Steps are 0, and
+    `events` None, where the start or the end of the plan is meant.
+    """
+
+    window: TimeWindow
+    earlier: str
+    later: str
+    begin: int
+    end: int
+    steps: tuple[StepId, StepId]
+    events: tuple[Atom | None, Atom | None]
+
+    @property
+    def lasts(self) -> int:
+        """The time from one event to the other."""
+        return self.end - self.begin
+
+    @property
+    def slack(self) -> int | None:
+        """How much later the later event may come; None if it may come at any time."""
+        return None if self.window.most is None else self.window.most - self.lasts
+
+    def breach(self) -> "WindowBreach | None":
+        """What is broken; None if the window is kept."""
+        amount = broken_by(self.window, self.lasts)
+        if not amount:
+            return None
+        return WindowBreach(
+            self.window, self.earlier, self.later, self.lasts, amount, self.steps, self.events
+        )
+
+    def entry(self) -> dict[str, Any]:
+        """The same for JSON."""
+        return {
+            "window": str(self.window),
+            "from": self.earlier,
+            "to": self.later,
+            "begin": self.begin,
+            "end": self.end,
+            "slack": self.slack,
+        }
+
+    def text(self, unit: str) -> str:
+        """The same in words."""
+        spare = f" ({self.slack} {unit} slack)" if self.slack is not None else ""
+        span = f"{self.lasts} {unit} from {self.earlier} to {self.later}"
+        return f"{span}, {self.window.limits}{spare}"
+
+
+@dataclass(frozen=True, slots=True)
 class WindowBreach:
     """A window that a plan breaks: what `lasts` from one event to the other, and by how much that
     is too long or too short. Steps are 0 where the start or the end of the plan is meant.
@@ -228,34 +279,32 @@ class PlanEvents:
 
     def breaches(self, windows: Iterable[TimeWindow]) -> Iterator[WindowBreach]:
         """Every window that the plan breaks, once for each pair of events."""
+        breaches = (span.breach() for span in self.spans(windows))
+        return (breach for breach in breaches if breach is not None)
+
+    def spans(self, windows: Iterable[TimeWindow]) -> Iterator[WindowSpan]:
+        """Every pair of events that a window joins, with its times."""
         joining = Joining(self.occurrences)
         for window in windows:
-            for pair in joining.pairs(window, self._rank):
-                breach = self._breach(pair)
-                if breach is not None:
-                    yield breach
+            yield from (self._span(pair) for pair in joining.pairs(window, self._rank))
 
     def _rank(self, occurrence: Occurrence, side: Side) -> tuple[int, int]:
         return self.time(occurrence, side), occurrence.step
 
-    def _breach(self, pair: WindowPair) -> WindowBreach | None:
+    def _span(self, pair: WindowPair) -> WindowSpan:
         window = pair.window
-        times = [
+        begin, end = (
             (self.end if pattern.side is Side.END else 0)
             if occurrence is None
             else self.time(occurrence, pattern.side)
             for occurrence, pattern in ((pair.earlier, window.earlier), (pair.later, window.later))
-        ]
-        lasts = times[1] - times[0]
-        amount = broken_by(window, lasts)
-        if not amount:
-            return None
-        return WindowBreach(
+        )
+        return WindowSpan(
             window,
             _said(pair.earlier, window.earlier),
             _said(pair.later, window.later),
-            lasts,
-            amount,
+            begin,
+            end,
             (self._number(pair.earlier), self._number(pair.later)),
             (
                 None if pair.earlier is None else pair.earlier.atom,

@@ -15,6 +15,7 @@ from cellwright.engine.model.window_breaches import (
     OffHours,
     PlanEvents,
     WindowBreach,
+    WindowSpan,
     occurrences_of,
     off_hours,
 )
@@ -68,10 +69,18 @@ def find_breaches(
     problem: Problem, plan: Plan, starts: Mapping[StepId, int], known: Semantics
 ) -> tuple[WindowBreach, ...]:
     """The windows that a plan which is right breaks when its steps start at these times."""
+    breaches = (span.breach() for span in find_spans(problem, plan, starts, known))
+    return tuple(breach for breach in breaches if breach is not None)
+
+
+def find_spans(
+    problem: Problem, plan: Plan, starts: Mapping[StepId, int], known: Semantics
+) -> tuple[WindowSpan, ...]:
+    """The windows in a plan that is right, when its steps start at these times."""
     if not problem.all_windows:
         return ()
     events = PlanEvents(plan, starts, occurrences_in(problem, plan, known))
-    return tuple(dict.fromkeys(events.breaches(problem.all_windows)))
+    return tuple(dict.fromkeys(events.spans(problem.all_windows)))
 
 
 def judge_times(
@@ -84,9 +93,11 @@ def judge_times(
     if not is_bound_in_time(problem):
         return timetable
     known = known or Semantics(problem)
-    broken = find_breaches(problem, timetable.plan, timetable.starts, known)
+    spans = find_spans(problem, timetable.plan, timetable.starts, known)
+    breaches = (span.breach() for span in spans)
+    broken = tuple(breach for breach in breaches if breach is not None)
     outside = tuple(off_hours(timetable.plan, timetable.starts, problem.all_calendars))
-    judged = replace(timetable, breaches=broken, outside=outside)
+    judged = replace(timetable, breaches=broken, outside=outside, spans=spans)
     if judged.keeps_hours:
         return judged
     return replace(judged, schedule=replace(judged.schedule, proved=False))
