@@ -8,7 +8,11 @@ from cellwright.kb.check.near_misses import (
     never_given_back,
     read_by_engine,
 )
-from cellwright.kb.check.time_window_check import idle_windows
+from cellwright.kb.check.time_window_check import (
+    contradictory_windows,
+    idle_calendars,
+    idle_windows,
+)
 from cellwright.kb.commands.ambiguous_phrases import unclear_words
 from cellwright.kb.commands.phrase_meanings import spoken_of
 from cellwright.kb.diagnostics import Diagnostic
@@ -139,6 +143,8 @@ def _never_added(
         fact.name for problem in problems for fact in problem.initial
     }
     yield from idle_windows(domain, problems, added)
+    yield from contradictory_windows(domain, problems)
+    yield from idle_calendars(domain, problems)
     for name in dict.fromkeys(_read_predicates(domain)):
         predicate = domain.predicates.get(name)
         if predicate and predicate.kind is Kind.FLUENT and name not in added:

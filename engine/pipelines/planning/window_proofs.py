@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations, islice
 
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask
 from cellwright.engine.model.noun_wording import count_noun
@@ -11,16 +12,17 @@ from cellwright.engine.stages.scheduling.least_lags import (
     NEVER,
     AfterStep,
     LeastLag,
-    least_between,
+    alike_in_length,
 )
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.domain_model import Operator
+from cellwright.kb.model.plan_model import INITIAL_STEP
 from cellwright.kb.model.planning_problem import Problem
-from cellwright.kb.model.time_windows import EventKind, EventPattern, Side
+from cellwright.kb.model.time_windows import EventKind, EventPattern, Side, TimeWindow
 from cellwright.kb.terms import Atom, Function, Term, Variable, substitute_atom, term_variables
 
 MAX_PROVED_WINDOWS = 6  # broken windows of which a proof is tried
-MAX_PAIRS = 400  # pairs of steps that may be joined by one window
+MAX_CHECKED_OBJECTS = 2  # objects for which `check` looks at a window
 MAX_TOLD_STEPS = 6
 
 
@@ -72,12 +74,43 @@ def find_impossible_window(
     return min(proved, key=lambda lag: (not lag.is_needed, -lag.lasts), default=None)
 
 
+def find_windows_too_short(problem: Problem, task: GroundTask) -> Iterator[ShortestLag]:
+    """The windows without a price that no plan of a workflow can keep, each for one object."""
+    for window in problem.all_windows if task.whole else ():
+        if window.is_hard and window.most is not None:
+            spans = islice(_stage_spans(problem, window), MAX_CHECKED_OBJECTS)
+            lags = (_shortest(problem, task, span) for span in spans)
+            yield from islice((lag for lag in lags if lag is not None and lag.is_needed), 1)
+
+
+def _stage_spans(problem: Problem, window: TimeWindow) -> Iterator[WindowBreach]:
+    """The windows between stages of chains, in words; how long they last is left open."""
+    for chain in problem.chains:
+        stages: list[Atom | None] = [*chain.stages]
+        for one, other in combinations([None, *stages], 2):
+            ends = ((one, window.earlier), (other, window.later))
+            if all(_fits(window, event, pattern) for event, pattern in ends):
+                said = [
+                    f"the {pattern.side} of {'the plan' if event is None else event}"
+                    for event, pattern in ends
+                ]
+                yield WindowBreach(
+                    window, said[0], said[1], 0, 0, (INITIAL_STEP, INITIAL_STEP), (one, other)
+                )
+
+
+def _fits(window: TimeWindow, event: Atom | None, pattern: EventPattern) -> bool:
+    if event is None or pattern.kind is EventKind.PLAN:
+        return event is None and pattern.kind is EventKind.PLAN
+    return pattern.kind is EventKind.EVENT and window.bindings(pattern, event) is not None
+
+
 def _shortest(problem: Problem, task: GroundTask, breach: WindowBreach) -> ShortestLag | None:
     window, most = breach.window, breach.window.most
     patterns = _about(breach)
     needed = _is_needed(problem, *patterns)
     spans = list(_spans(problem, task, *patterns))
-    if most is None or not spans or len(spans) > MAX_PAIRS:
+    if most is None or not spans:
         return None
     lasts, lag, ends = min(spans, key=lambda span: span[0])
     if lasts <= most or lasts >= NEVER:
@@ -96,28 +129,20 @@ def _spans(
     problem: Problem, task: GroundTask, earlier: EventPattern, later: EventPattern
 ) -> Iterator[Span]:
     """The least time between the events for each pair of steps that may be meant."""
-    is_plan = earlier.kind is EventKind.PLAN
-    first = [None] if is_plan else list(_steps_of(problem, task, earlier))
-    if later.kind is EventKind.PLAN:
-        yield from _until_end(task, first, earlier.side)
-        return
-    last = list(_steps_of(problem, task, later))
-    if len(first) * len(last) > MAX_PAIRS:
-        return
-    for one, other, lag in least_between(task, first, last):
-        total = lag.lasts
-        total += one.duration if one is not None and earlier.side is Side.START else 0
-        total += other.duration if later.side is Side.END else 0
-        yield total, lag, (one, other)
-
-
-def _until_end(
-    task: GroundTask, first: Sequence[GroundOperator | None], side: Side
-) -> Iterator[Span]:
-    for one in first[:MAX_PAIRS]:
-        after = AfterStep(task, one)
-        lag = min((after.least(goals) for goals in task.goals), key=lambda each: each.lasts)
-        yield lag.lasts + (one.duration if one and side is Side.START else 0), lag, (one, None)
+    groups = alike_in_length(_steps_of(problem, task, earlier))
+    if earlier.kind is EventKind.PLAN:
+        groups = [()]
+    last = () if later.kind is EventKind.PLAN else tuple(_steps_of(problem, task, later))
+    for group in groups:
+        after, first = AfterStep(task, group), group[0] if group else None
+        begun = first.duration if first is not None and earlier.side is Side.START else 0
+        if later.kind is EventKind.PLAN:
+            lag = min((after.least(goals) for goals in task.goals), key=lambda each: each.lasts)
+            yield lag.lasts + begun, lag, (first, None)
+        for step in last:
+            lag = after.least(step.preconditions, step)
+            ended = step.duration if later.side is Side.END else 0
+            yield lag.lasts + begun + ended, lag, (first, step)
 
 
 def _about(breach: WindowBreach) -> tuple[EventPattern, EventPattern]:

@@ -9,7 +9,7 @@ plans of a task, and may be too small.
 
 import heapq
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -31,19 +31,21 @@ class LeastLag:
 
 @dataclass(frozen=True)
 class AfterStep:
-    """What may come after `first` in plans of a task; after their start, if that is None."""
+    """What may come after any one of some steps, equally long, in plans of a task; after the start
+    of plans, if there are none.
+    """
 
     task: GroundTask
-    first: GroundOperator | None
+    first: tuple[GroundOperator, ...]
 
     def least(self, needed: Bits, later: GroundOperator | None = None) -> LeastLag:
         """The least time until all that is `needed` holds; `later` then begins, if it is given."""
         late = needed & ~self._possible
         soonest = max(indices(late), key=lambda atom: self._times.get(atom, NEVER), default=None)
         lasts = 0 if soonest is None else self._times.get(soonest, NEVER)
-        if not lasts and self.first is not None:
+        if not lasts and self.first:
             overlaps = later is None or not self._excludes(later)
-            return LeastLag(-self.first.duration if overlaps else 0)
+            return LeastLag(-self.first[0].duration if overlaps else 0)
         return LeastLag(lasts, tuple(reversed(list(self._way_to(soonest)))))
 
     def _way_to(self, atom: int | None) -> Iterator[GroundOperator]:
@@ -55,30 +57,37 @@ class AfterStep:
 
     @cached_property
     def _possible(self) -> Bits:
-        """What may hold when the first step has ended; what follows from other facts and values of
-        quantities always may.
+        """What may hold when one of the first steps has ended; what follows from other facts and
+        values of quantities always may.
         """
         follows = 0 if self.task.axioms is None else self.task.axioms.derived
         for step in self.task.operators:
             for change in step.changes:
                 follows |= change.level.mask
-        if self.first is None:
+        if not self.first:
             return self.task.initial | follows
-        held = self.first.adds | (self.first.preconditions & ~self.first.deletes)
-        gone = self.first.deletes & ~self.first.adds
+        for step in self.first:
+            follows |= self._possible_after(step)
+        return follows
+
+    def _possible_after(self, step: GroundOperator) -> Bits:
+        held = step.adds | (step.preconditions & ~step.deletes)
+        gone = step.deletes & ~step.adds
         for group in self.task.mutex_groups:
             if group & held:
                 gone |= group & ~held
         every = (1 << len(self.task.atoms)) - 1
-        return (every & ~gone) | follows
+        return every & ~gone
 
     def _excludes(self, step: GroundOperator) -> bool:
-        """Whether a step cannot be under way together with the first one."""
-        if self.first is None or not set(step.resources).isdisjoint(self.first.resources):
+        """Whether a step cannot be under way together with any of the first ones."""
+        return all(self._are_apart(first, step) for first in self.first)
+
+    def _are_apart(self, first: GroundOperator, step: GroundOperator) -> bool:
+        if not set(step.resources).isdisjoint(first.resources):
             return True
         return any(
-            group & self.first.preconditions
-            and group & step.preconditions & ~self.first.preconditions
+            group & first.preconditions and group & step.preconditions & ~first.preconditions
             for group in self.task.mutex_groups
         )
 
@@ -131,13 +140,11 @@ def _added(step: GroundOperator) -> Bits:
     return added
 
 
-def least_between(
-    task: GroundTask, earlier: Sequence[GroundOperator | None], later: Sequence[GroundOperator]
-) -> Iterator[tuple[GroundOperator | None, GroundOperator, LeastLag]]:
-    """The least time from the end of each of the earlier steps to the start of each of the later
-    ones; in place of an earlier step None is the start of the plan.
-    """
-    for one in earlier:
-        after = AfterStep(task, one)
-        for other in later:
-            yield one, other, after.least(other.preconditions, other)
+def alike_in_length(
+    steps: Iterable[GroundOperator],
+) -> list[tuple[GroundOperator, ...]]:
+    """The steps in groups that are equally long."""
+    groups: dict[int, list[GroundOperator]] = defaultdict(list)
+    for step in steps:
+        groups[step.duration].append(step)
+    return [tuple(group) for group in groups.values()]

@@ -8,7 +8,9 @@ from cellwright.engine.formats.report.plans.explanation_report import explanatio
 from cellwright.engine.model.outcome import Infeasible
 from cellwright.engine.model.plan_explanation import Explanation
 from cellwright.engine.pipelines.explanation import explain_infeasibility
+from cellwright.engine.pipelines.planning.missed_windows import find_missed_windows
 from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
+from cellwright.engine.stages.grounding import ground
 from cellwright.kb.loader import load_problem
 from cellwright.kb.model.planning_problem import Problem
 
@@ -109,3 +111,14 @@ def test_windows_that_exclude_one_another_are_told_as_not_kept(tmp_path: Path) -
         console.print(explanation_text(explanation))
     assert "no plan was found that keeps all times" in said.get()
     assert "that keeps all other windows and has" in said.get()
+
+
+def test_check_warns_of_a_window_that_is_too_short_at_its_line(tmp_path: Path) -> None:
+    problem = problem_with(
+        tmp_path,
+        "at most 14 s from stopped(P) to readout(P)",
+        "at most 3 min from start of stopped(P) to end of readout(P)",
+    )
+    (warning,) = find_missed_windows(problem, ground(problem))
+    assert (warning.code, warning.where.line) == ("K319", 10)
+    assert "the shortest possible is 194 s" in warning.message

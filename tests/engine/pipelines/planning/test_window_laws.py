@@ -12,6 +12,11 @@ from hypothesis import strategies as st
 from cellwright.engine.model.outcome import Found, Infeasible
 from cellwright.engine.pipelines.planning.plan_files import check_plan
 from cellwright.engine.pipelines.planning.plan_objective import Run, plan_for_objective
+from cellwright.engine.pipelines.planning.window_proofs import (
+    ShortestLag,
+    find_windows_too_short,
+)
+from cellwright.engine.stages.grounding import ground
 from cellwright.kb.loader import load_problem
 from cellwright.kb.model.plan_model import Claims
 from tests.shares import share
@@ -163,6 +168,15 @@ def answer(shop: SmallShop, ordered: bool = False) -> Run:
         return run
 
 
+def too_short(shop: SmallShop) -> list[ShortestLag]:
+    """The windows of which `check` says that no plan keeps them."""
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "domain.yaml").write_text(WITH_EVENTS)
+        (Path(folder) / "p.yaml").write_text(shop.text(ordered=True))
+        problem = load_problem(Path(folder) / "p.yaml")
+        return list(find_windows_too_short(problem, ground(problem)))
+
+
 def value(run: Run) -> tuple[int, int] | None:
     if run.timetable is None:
         return None
@@ -192,6 +206,7 @@ def test_windows_of_a_workflow_are_kept_and_what_none_keeps_is_proved(shop: Smal
     run, best = answer(shop, ordered=True), shop.best()
     if best is not None:
         assert value(run) == best
+        assert too_short(shop) == []
     elif isinstance(run.outcome, Infeasible):
         assert "the shortest possible is" in run.outcome.reason
 
