@@ -26,7 +26,8 @@ from cellwright.kb.model.time_windows import (
 from cellwright.kb.syntax import ExpressionError, parse_expression, unit_seconds
 from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Term, Variable, term_variables
 
-AMOUNT = r"(?P<{0}>[0-9]+(?:\.[0-9]+)?)\s*(?P<{0}_unit>[a-z]*)"
+NUMBER = r"[0-9]+(?:\.[0-9]+)?"
+AMOUNT = rf"(?P<{{0}}>{NUMBER})\s*(?P<{{0}}_unit>[a-z]*)(?P<{{0}}_more>(?:\s+{NUMBER}\s*[a-z]+)*)"
 LIMITS = tuple(
     re.compile(form)
     for form in (
@@ -122,11 +123,15 @@ class TimeReader:
     def _amount(self, node: YamlNode, given: Mapping[str, str], name: str, default: str) -> int:
         """A time in the domain's unit; without a unit it has that of the other limit."""
         unit = given.get(f"{name}_unit") or default or self.reader.time_unit
+        pieces = re.findall(rf"({NUMBER})\s*([a-z]+)", given.get(f"{name}_more", ""))
+        return sum(self._piece(node, *piece) for piece in [(given[name], unit), *pieces])
+
+    def _piece(self, node: YamlNode, number: str, unit: str) -> int:
         if unit_seconds(unit) is None:
             self._refuse(node, 0, f"'{unit}' is no unit of time", "ms, s, min and h are units")
-        value = self._parse("term", node, f"{given[name]} {unit}", 0).value
+        value = self._parse("term", node, f"{number} {unit}", 0).value
         if not isinstance(value, Number):
-            self._refuse(node, 0, f"'{given[name]}' is no time", WINDOW_HINT)
+            self._refuse(node, 0, f"'{number}' is no time", WINDOW_HINT)
         return value.value
 
     def _event(self, node: YamlNode, text: str, at: tuple[int, int], side: Side) -> EventPattern:
@@ -363,7 +368,7 @@ def _united_spans(spans: Iterable[tuple[int, int]]) -> tuple[tuple[int, int], ..
     return tuple(united)
 
 
-FAR = 1 << 40  # later than any time
+FAR = (1 << 31) - 1  # the latest time that can be written
 
 
 def _complement(

@@ -1,5 +1,6 @@
 """Windows of time and calendars as files say them."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,7 @@ def window_of(folder: Path, line: str, unit: str = "s") -> TimeWindow:
         ("at least 5 min from clean(P) to cut(P)", (300, None)),
         ("exactly 60 min, up to 63 from clean(P) to cut(P)", (3600, 3780)),
         ("exactly 90 s from clean(P) to cut(P)", (90, 90)),
+        ("at least 1 h 20 min, at most 1 h 30 min 5 s from clean(P) to cut(P)", (4800, 5405)),
         ("at least 1 min and at most 2 min from clean(P) to cut(P)", (60, 120)),
         ("at least 5, at most 0.5 min from clean(P) to cut(P)", (5, 30)),
     ],
@@ -133,6 +135,21 @@ def test_calendars_have_spans_that_come_again(tmp_path: Path) -> None:
     assert closed.soonest(9, 5) == 9
 
 
+@pytest.mark.parametrize(
+    "entry",
+    [
+        "{of: saw, open: 8 h to 17 h, every: 24 h, begins: 7 h}",
+        "{of: saw, closed: 1 h to 1 h 20 min}",
+        "{of: saw, closed: 1 h to 2 h, every: 5 h}",
+        "{of: 'wash(_, b1)', open: 2 h to 3 h, starts: true}",
+    ],
+)
+def test_a_calendar_is_read_back_as_it_is_written(tmp_path: Path, entry: str) -> None:
+    (calendar,) = loaded(tmp_path, f"calendars:\n  - {entry}\n").calendars
+    written = json.dumps(calendar.entry())
+    assert loaded(tmp_path, f"calendars:\n  - {written}\n").calendars == (calendar,)
+
+
 def test_a_night_goes_on_the_next_day(tmp_path: Path) -> None:
     (night,) = loaded(
         tmp_path, "calendars: [{of: saw, open: 22 h to 6 h, every: 24 h}]\n"
@@ -149,6 +166,7 @@ def test_a_night_goes_on_the_next_day(tmp_path: Path) -> None:
         ("at most 10 min from clean(P)", "K107"),
         ("soon from clean(P) to cut(P)", "K107"),
         ("at most 10 parsec from clean(P) to cut(P)", "K107"),
+        ("at most 1 h 10 parsec from clean(P) to cut(P)", "K107"),
         ("at most 10 min from claen(P) to cut(P)", "K101"),
         ("at most 10 min from clean(P, Q) to cut(P)", "K102"),
         ("at least 10 min at most 9 min from clean(P) to cut(P)", "K321"),
