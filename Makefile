@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 findings:
 	missed=0; for script in findings/*.sh; do echo "$$script"; bash "$$script" || missed=1; done; exit $$missed
 
-.PHONY: findings demo test slow laws long check golden bench faults fuzz definition mutation site wheel clean
+.PHONY: findings demo robust test slow laws long check golden bench faults fuzz definition mutation site wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -24,6 +24,7 @@ and store them in the drawer again
 demo: $(VENV)/ready
 	$(BIN)/cellwright plan themse --command "$(SENTENCE)"
 	$(BIN)/cellwright plan bulkhead/twelve_points --stats
+	$(BIN)/cellwright plan screening/day8
 	$(BIN)/cellwright run themse --command "$(SENTENCE)" --fault "pick#3=not_gripped" --watch --store .venv/demo.db
 
 # Python keeps what it has read of the tests, whatever the shell says: the next run starts sooner.
@@ -49,6 +50,10 @@ check: $(VENV)/ready
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+# Plans whose steps last as long as they like: verdicts, games, and a thousand runs of each cell; a few minutes.
+robust: $(VENV)/ready
+	$(BIN)/python benchmarks/robust_times.py
 
 golden: $(VENV)/ready
 	$(BIN)/python -m pytest --update-golden --update-plans

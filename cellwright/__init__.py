@@ -92,6 +92,12 @@ if TYPE_CHECKING:
     from cellwright.store_functions import migrate as migrate
     from cellwright.store_functions import prepare as prepare
     from cellwright.store_functions import restore as restore
+    from cellwright.timed_functions import TimedPlanned as TimedPlanned
+    from cellwright.timed_functions import TimedTask as TimedTask
+    from cellwright.timed_functions import TimedVerdict as TimedVerdict
+    from cellwright.timed_functions import plan_timed as plan_timed
+    from cellwright.timed_functions import read_timed_pddl as read_timed_pddl
+    from cellwright.timed_functions import validate_timed as validate_timed
 
 _WHERE = {
     "cellwright.library_base": (
@@ -168,6 +174,14 @@ _WHERE = {
         "runs",
         "tell",
     ),
+    "cellwright.timed_functions": (
+        "TimedPlanned",
+        "TimedTask",
+        "TimedVerdict",
+        "plan_timed",
+        "read_timed_pddl",
+        "validate_timed",
+    ),
     "cellwright.schedule_functions": (
         "Scheduled",
         "Toured",
@@ -215,6 +229,9 @@ __all__ = [
     "Revised",
     "Scheduled",
     "Step",
+    "TimedPlanned",
+    "TimedTask",
+    "TimedVerdict",
     "Told",
     "Toured",
     "Verdict",
@@ -249,9 +266,11 @@ __all__ = [
     "motion",
     "place",
     "plan",
+    "plan_timed",
     "prepare",
     "read_pddl",
     "read_pddl_plan",
+    "read_timed_pddl",
     "recognise",
     "restore",
     "results",
@@ -266,6 +285,7 @@ __all__ = [
     "tell",
     "travel",
     "validate",
+    "validate_timed",
     "why",
     "write_pddl_plan",
 ]

@@ -10,7 +10,7 @@ from cellwright.engine.formats import interop, report
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines import planning
 from cellwright.kb import loader
-from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.library_base import Name, Target, load, name_of
 from cellwright.plan_functions import Planned, plan_of
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from cellwright.engine.authoring.layout import ArrangedFiles
     from cellwright.engine.authoring.testing.golden_files import GoldenComparison
     from cellwright.engine.formats.interop.pddl import PddlProblem
-    from cellwright.kb.diagnostics import Diagnostic
     from cellwright.kb.loader.device_uses import DeviceHead
 
 FileKind = Literal[
@@ -29,8 +28,12 @@ FileKind = Literal[
 def read_pddl(domain: Name, problem: Name) -> "PddlProblem":
     """A PDDL task; its `problem` is planned like any other.
 
-    Raises `InvalidInput` for what is not supported, with its place.
+    Raises `InvalidInput` for what is not supported, with its place, and for a task with times.
     """
+    if interop.has_times(Path(domain), Path(problem)):
+        said = "the task has times: durative actions or timed literals"
+        hint = "read_timed_pddl reads it, and plan_timed plans it"
+        raise InvalidInput([Diagnostic(Source(str(domain)), "K802", said, hint)])
     return interop.read_pddl_task(Path(domain), Path(problem))
 
 

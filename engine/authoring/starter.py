@@ -30,6 +30,7 @@ travel(A, B, 4) :- visited(A), visited(B), A != B.
 """
 DEVICE_NAME = re.compile("[a-z][a-z0-9_]*")
 ORDINAL_PREFIXES = ("", "second_", "third_", "fourth_", "fifth_")
+OTHER_PREFIX = "other_"
 DEVICE_DOMAIN_HEAD = """# yaml-language-server: $schema=schema/{kind}.schema.json
 """
 
@@ -110,7 +111,24 @@ def _complete_uses(folder: Path, uses: dict[str, str]) -> dict[str, str]:
         )
         bare = not any(used_device in STORE_DEVICES for used_device in uses.values())
         added += [BENCH_DEVICE] if bare or _needs_bench(all_known, uses) else []
-    return {**{added_device: added_device for added_device in added}, **uses}
+    return _separate_uses(
+        {**{added_device: added_device for added_device in added}, **uses}, all_known
+    )
+
+
+def _separate_uses(uses: Mapping[str, str], known: Mapping[str, DeviceHead]) -> dict[str, str]:
+    """The uses, with another name for each whose operators and events are called like those of an
+    earlier device: the own names of a use bear its name, unless this is the name of its device.
+    """
+    taken: set[str] = set()
+    separate = {}
+    for use, device in uses.items():
+        if use == device:
+            if taken & known[device].own.keys():
+                use = OTHER_PREFIX + device
+            taken |= known[device].own.keys()
+        separate[use] = device
+    return separate
 
 
 def _needs_bench(known: Mapping[str, DeviceHead], uses: Mapping[str, str]) -> bool:

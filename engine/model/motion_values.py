@@ -190,14 +190,32 @@ class StepLeg:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PlaceStop:
+    """One of several places in a row of a step: how many `legs` belong to it, and what it changes.
+
+    After it the bodies `in_hand` are in the hand, each at a pose T_tool_body (4, 4), and the bodies
+    `put` are where the facts after the step have them.
+    """
+
+    place: str
+    legs: int
+    in_hand: Mapping[str, Floats] = field(default_factory=dict)
+    put: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class MovedStep:
-    """The motion of one step; `takes_s` is spent at the place, beside the legs."""
+    """The motion of one step; `takes_s` is spent at the place, beside the legs.
+
+    A step with several places in a row has a stop for each; `takes_s` is shared by all evenly.
+    """
 
     step: StepId
     operator: Function
     place: str
     legs: tuple[StepLeg, ...]
     takes_s: float = 0.0
+    stops: tuple[PlaceStop, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -234,6 +252,19 @@ class Unmoved:
     while_true: tuple[Atom, ...] = ()
     sure: bool = False
     regardless: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class UnprovedStep:
+    """A step of which something is not proved, because it has no motion: without a `place` no arm
+    moves in it; else the arm goes there, and the `bodies` get to where they are after the step in
+    another way. `bodies` are what the step brings somewhere without a motion.
+    """
+
+    step: StepId
+    operator: Function
+    bodies: tuple[str, ...] = ()
+    place: str = ""
 
 
 StepPair = tuple[StepId, StepId]

@@ -37,13 +37,19 @@ class NumericUpdate:
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """What one instant of an action needs and does."""
+    """What one instant of an action needs and does.
+
+    Its conditions read `facts_read` and `numbers_read`, too, as alternatives that need not be true:
+    who changes them is apart from it (PDDL 2.1, definition 12).
+    """
 
     needs: tuple[int, ...] = ()
     adds: tuple[int, ...] = ()
     deletes: tuple[int, ...] = ()
     tests: tuple[NumericTest, ...] = ()
     updates: tuple[NumericUpdate, ...] = ()
+    facts_read: tuple[int, ...] = ()
+    numbers_read: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

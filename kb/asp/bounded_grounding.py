@@ -27,7 +27,7 @@ class GroundingTooLarge(Exception):
 def run_bounded(ground: Callable[[], None]) -> None:
     """Call `ground`, and raise what it raises.
 
-    Raises `TooLarge`, `MemoryError` if the operating system gives it no more memory, and
+    Raises `GroundingTooLarge`, `MemoryError` if the operating system gives it no more memory, and
     `cellwright.kb.stopping.StoppedByCaller`, also if whoever watches the memory of the whole
     process has raised a `MemoryError` meanwhile.
     """

@@ -163,12 +163,11 @@ def _statement_terms(domain: Domain) -> Iterator[list[Term]]:
     for operator in domain.operators:
         parts = [*parts_of(operator.precondition), *operator.body]
         parts += [part for effect in operator.effects for part in parts_of(effect.condition)]
-        amounts = [amount for amount in (operator.duration, operator.cost) if amount is not None]
         yield [
             *operator.variables,
             *_condition_terms(parts),
             *(effect.atom for effect in operator.effects),
-            *amounts,
+            *operator.amounts,
         ]
     for deductive in domain.deductive_operators:
         follows = [

@@ -135,7 +135,7 @@ def only_given(problem: Problem, further: Iterable[str] = ()) -> dict[Signature,
 
 def try_first(suspects: Iterable[Suspect], text: str) -> None:
     """Ground a text on trial in a process that can be ended, if a suspect may have very many
-    instances. Raises `TooLarge`.
+    instances. Raises `GroundingTooLarge`.
     """
     if any(suspect.bound > TRIAL_INSTANCES for suspect in suspects) and not _is_affordable(text):
         raise GroundingTooLarge

@@ -111,7 +111,7 @@ def _unused_predicates(domain: Domain, problems: Collection[Problem]) -> Iterato
 
 def _number_terms(operator: Operator) -> Iterator[Term | None]:
     """The terms of an operator that amount to a number."""
-    yield from (operator.duration, operator.cost)
+    yield from operator.amounts
     if operator.command is not None and (measure := operator.command.measures) is not None:
         yield from (measure.nominal, measure.tolerance, measure.lower, measure.upper)
         yield from (measure.uncertainty, measure.risk, measure.worth)

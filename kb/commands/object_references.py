@@ -34,7 +34,7 @@ class ObjectRows:
 
     def chosen(self, mention: SlotMention, said: str) -> Sequence[str]:
         """The objects at the places that a mention names in the row that is meant. Raises
-        `Unclear`.
+        `UnclearReference`.
 
         With a noun, as in "the first probe", both rows must agree. Without one, those that were
         named are meant, unless they were all named as the first or the last ones: then the others
@@ -62,8 +62,8 @@ class ObjectRows:
         return chosen[0]
 
     def _require_enough(self, ends: Sequence[SentencePiece], said: str) -> None:
-        """Raises `Unclear` if fewer were named than are asked for: nobody knows whether the
-        others are meant, too.
+        """Raises `UnclearReference` if fewer were named than are asked for: nobody knows whether
+        the others are meant, too.
         """
         if len(self.named) > 1 and _at_places(self.named, ends):
             return
@@ -107,7 +107,10 @@ class References:
         self.ranked: set[tuple[str, ...]] = set()  # named as the first ones, the last ones, ...
 
     def resolve(self, words: SlotWords, type_: str) -> tuple[Function, ...]:
-        """The objects meant, each once, in the order in which they are said. Raises `Unclear`."""
+        """The objects meant, each once, in the order in which they are said.
+
+        Raises `UnclearReference`.
+        """
         self.nouns |= self.vocabulary.said_nouns(words)
         objects = self._left(words, type_, self._meant(words, type_))
         unique = tuple(dict.fromkeys(objects))

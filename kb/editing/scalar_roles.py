@@ -112,7 +112,9 @@ OPERATOR_SHAPE = ScalarShape(
         "decrease": _CHANGES_SHAPE,
         "assign": _CHANGES_SHAPE,
         "resources": ScalarShape(Role.TERMS, "held"),
-        "duration": TERM,
+        "duration": ScalarShape(
+            Role.TERMS, "named", keys=dict.fromkeys(("from", "to", "usual", "spread"), TERM)
+        ),
         "cost": TERM,
         "command": _COMMAND_SHAPE,
         "online": list_of(ScalarShape(keys={"fact": READ})),
@@ -262,7 +264,10 @@ CELL_SHAPE = ScalarShape(
         "operations": mapping_of(
             Role.STEP,
             ScalarShape(
-                keys={"at": TERM, "drags": TERM, "drives": TERM, "with": TERM, "carries": TERM}
+                keys={
+                    "at": ScalarShape(Role.TERMS, "named", items=TERM),
+                    **dict.fromkeys(("drags", "drives", "with", "carries"), TERM),
+                }
             ),
         ),
         "measuring": mapping_of(Role.THING, ScalarShape(keys={"touches": list_of(THING)})),

@@ -1,4 +1,4 @@
-"""The contact model in `contacts.yaml`, with its octuples. All its names are checked."""
+"""Loads `contacts.yaml`: contacts as octuples (two anchor points of four names), names checked."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace

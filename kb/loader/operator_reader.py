@@ -23,6 +23,7 @@ from cellwright.kb.loader.variable_types import (
     scope_conditions,
     warn_singletons,
 )
+from cellwright.kb.loader.varying_durations import DurationReader
 from cellwright.kb.model.condition_forms import (
     enumerable_parameters,
     free_variables,
@@ -79,6 +80,7 @@ class _OperatorReader:
         self.changes = QuantityChanges(reader, names, self.path)
         self.conditional = ConditionalEffects(reader, names, self.path, header)
         self.device = DeviceReader(reader, names, self.path, header)
+        self.duration = DurationReader(reader, names, self.path)
 
     def read(self) -> Operator:
         for name, start in _OPERATOR_FIELDS.items():
@@ -102,10 +104,11 @@ class _OperatorReader:
             tuple(self._effects(parameters)),
             body=(*self._value("where", ()), *self.changes.apart()),
             resources=self._resources(),
-            duration=self._value("duration", None),
+            duration=self.duration.usual(self._value("duration", None)),
             cost=self._value("cost", None),
             command=self.device.command(self.measures),
             online=tuple(self.device.looks(self.typing)),
+            varies=self.duration.varies(),
             where=self.header.node.where,
         )
         self._warn(operator)
@@ -127,8 +130,7 @@ class _OperatorReader:
         if not self.typing.sound:
             return
         standing = [
-            getattr(operator, name)
-            for name in ("precondition", "body", "resources", "duration", "cost")
+            getattr(operator, name) for name in ("precondition", "body", "resources", "amounts")
         ]
         effects = [part for effect in operator.effects for part in (effect.atom, effect.condition)]
         command = operator.command
@@ -168,6 +170,7 @@ class _OperatorReader:
                 NumericExpression(self.names, self.typing, name, type_, expression).check()
         self.measures.infer(self.typing)
         self.changes.infer(self.typing)
+        self.duration.infer(self.typing)
         self.conditional.infer(self.typing)
         self._check_header()
 
@@ -187,8 +190,9 @@ class _OperatorReader:
     def _refuse_strangers(self) -> None:
         """Report variables that occur outside `where:` but not in the header."""
         known = {*self.header.value.arguments, ANYTHING}
-        for name in _OUTSIDE_WHERE:
-            if expression := self.fields[name]:
+        outside = [self.fields[name] for name in _OUTSIDE_WHERE]
+        for expression in (*outside, *self.duration.given.values()):
+            if expression:
                 for variable in dict.fromkeys(free_in(expression.value)):
                     if variable not in known:
                         hint = nearest_hint(

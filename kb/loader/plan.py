@@ -23,6 +23,8 @@ from cellwright.kb.terms import Function
 MAX_PLAN_BYTES = 256 * 2**20  # of a plan of half a million steps
 MAX_VALUES = 25_000_000
 
+TIMED_KEYS = {"steps", "makespan", "bound"}  # of a plan of a PDDL task with times
+
 
 def load_plan(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Plan]:
     """The problem and the plan in a plan file.
@@ -61,13 +63,19 @@ def _require_plan(reader: Reader) -> None:
 
     Raises `InvalidInput`.
     """
+    where = Source(reader.root.file.path)
+    data = reader.root.descend(("data",)).value
+    if isinstance(data, dict) and "plan" not in data and set(data) >= TIMED_KEYS:
+        said = "this is a plan of a PDDL task with times, not of a domain"
+        hint = (
+            "`cellwright validate --pddl DOMAIN PROBLEM PLAN` checks it; it is not scheduled or run"
+        )
+        raise InvalidInput([Diagnostic(where, "K402", said, hint)])
     node = reader.root.descend(("data", "plan"))
     if isinstance(node.value, dict) and "steps" in node.value:
         return
     hint = "write one with `cellwright plan TARGET --format json`"
-    raise InvalidInput(
-        [Diagnostic(Source(reader.root.file.path), "K402", "there is no plan in this file", hint)]
-    )
+    raise InvalidInput([Diagnostic(where, "K402", "there is no plan in this file", hint)])
 
 
 def _read_steps(reader: Reader, amounts: Amounts) -> list[Step]:

@@ -296,6 +296,7 @@ class Operation:
     moves the body `drags` along its guide. `drives` is a body that moves the arm, at rest, along
     its guide. `takes_s` is spent at the place. Another arm is at the place `with_place` meanwhile:
     it goes there first and leaves last. Both carry the body `carries` together from there.
+    After `at` the arm goes to the places `then`, one after the other.
     """
 
     operator: Function
@@ -307,6 +308,12 @@ class Operation:
     where: Source = field(default=NOWHERE, compare=False)
     with_place: Term | None = None
     carries: Term | None = None
+    then: tuple[Term, ...] = ()
+
+    @property
+    def stops(self) -> tuple[Term, ...]:
+        """The places in their order."""
+        return () if self.at is None else (self.at, *self.then)
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,6 +149,26 @@ class Look:
     during: bool = False
 
 
+SPREADS_EACH_WAY = 3  # standard deviations around the usual duration of a step without a range
+
+
+@dataclass(frozen=True, slots=True)
+class VaryingDuration:
+    """How long a step may last that nobody decides: from `least` to `most`, both included.
+
+    `spread` is the standard deviation, where one is given; else all durations are as likely.
+    """
+
+    least: Term
+    most: Term
+    spread: Term | None = None
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """All its terms."""
+        return (self.least, self.most, *(() if self.spread is None else (self.spread,)))
+
+
 @dataclass(frozen=True, slots=True)
 class Operator:
     """A static operator. `where` is a body over statics whose variables outside `parameters`
@@ -165,7 +185,14 @@ class Operator:
     cost: Term | None = None
     command: Command | None = None
     online: tuple[Look, ...] = ()
+    varies: VaryingDuration | None = None
     where: Source = field(default=NOWHERE, compare=False)
+
+    @property
+    def amounts(self) -> tuple[Term, ...]:
+        """The terms that amount to its durations and its cost."""
+        own = tuple(term for term in (self.duration, self.cost) if term is not None)
+        return own if self.varies is None else (*own, *self.varies.terms)
 
     @property
     def header(self) -> Function:

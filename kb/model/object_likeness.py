@@ -123,10 +123,7 @@ def _of_operator(operator: Operator) -> Iterator[Term]:
         yield effect.atom
         yield from _condition_terms(effect.condition)
     yield from _of_body(operator.body)
-    operator_terms = (*operator.resources, operator.duration, operator.cost)
-    yield Function(
-        "", tuple(operator_term for operator_term in operator_terms if operator_term is not None)
-    )
+    yield Function("", (*operator.resources, *operator.amounts))
 
 
 def _of_body(body: Body) -> Iterator[Term]:

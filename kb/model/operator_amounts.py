@@ -88,6 +88,23 @@ class Amounts:
                 return self.measured[instance]
         return self.of(operator.duration, bindings, 0)
 
+    def range_of(self, operator: Operator, bindings: Substitution) -> "DurationRange":
+        """Within what the duration of an instance varies; its duration alone if it does not.
+
+        A duration that is told of the instance lies in the range. Raises `NoAmount`.
+        """
+        usual, varies = self.lasting(operator, bindings), operator.varies
+        if varies is None:
+            return DurationRange(usual, usual, usual)
+        least, most = (self.of(term, bindings, usual) for term in (varies.least, varies.most))
+        least = max(0, least)
+        if least > most:
+            instance = Function(operator.name, tuple(bindings[v] for v in operator.variables))
+            hint = "the least duration must not exceed the greatest one"
+            raise NoAmount(f"{instance} takes from {least} to {most}", hint)
+        spread = self.of(varies.spread, bindings, 0)
+        return DurationRange(min(least, usual), usual, max(most, usual), max(0, spread))
+
     def travel_time(self, here: Term, there: Term) -> int:
         """The declared travel time between two places, in the domain's unit. Raises `NoAmount`."""
         return self._number(Function(self.domain.conventions.travel, (here, there)))
@@ -206,6 +223,24 @@ class Amounts:
         return self._tables[key]
 
 
+@dataclass(frozen=True, slots=True)
+class DurationRange:
+    """How long a step may last, and what is planned with, in the domain's unit of time.
+
+    Without a `spread` (a standard deviation), all durations in the range are as likely.
+    """
+
+    least: int
+    usual: int
+    most: int
+    spread: int = 0
+
+    @property
+    def varies(self) -> bool:
+        """Whether there is more than one duration."""
+        return self.least < self.most
+
+
 def _only_point(name: Term, given: list[Term]) -> Point:
     """The point of a thing with exactly one position in numbers. Raises `NoAmount`."""
     if len(given) > 1:
@@ -293,9 +328,24 @@ def operator_traits(operator: Operator, instance: Function, amounts: Amounts) ->
     ]
     held = tuple([resource for resource in resources if resource is not None])
     duration, cost = amounts.lasting(operator, bindings), amounts.of(operator.cost, bindings, 1)
+    if operator.varies is not None:
+        amounts.range_of(operator, bindings)
     if len(held) < len(resources):
         return None
     return Traits(held, duration, cost)
+
+
+def range_of_step(amounts: Amounts, step: Step) -> DurationRange:
+    """Within what the duration of a step varies; what is measured of a step does not.
+
+    Raises `NoAmount`.
+    """
+    operator = next((o for o in amounts.domain.operators if o.name == step.operator.name), None)
+    fits = operator is not None and len(operator.parameters) == len(step.operator.arguments)
+    if operator is None or not fits or operator.varies is None:
+        return DurationRange(step.duration, step.duration, step.duration)
+    bindings = dict(zip(operator.variables, step.operator.arguments, strict=True))
+    return amounts.range_of(operator, bindings)
 
 
 def step_of(

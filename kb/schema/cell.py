@@ -126,7 +126,9 @@ class LocationEntry(Strict):
 class OperationEntry(Strict):
     """What the arm does in a step of an operator."""
 
-    at: Expression | None = Field(None, description="the place that the arm goes to")
+    at: Expression | Annotated[list[Expression], Field(min_length=1)] | None = Field(
+        None, description="the place that the arm goes to, or several places in a row"
+    )
     ends: Literal["outside", "inside", "before"] = Field(
         "outside",
         description="where the arm is then: back before the place, in it, or before it without "

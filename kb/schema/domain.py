@@ -150,6 +150,21 @@ class EffectEntry(Strict):
     )
 
 
+class VaryingDurationEntry(Strict):
+    """A duration that nobody decides: a range, a spread, or both."""
+
+    least: str | int | None = Field(None, alias="from", description="the least duration; with `to`")
+    most: str | int | None = Field(None, alias="to", description="the greatest duration")
+    usual: str | int | None = Field(
+        None, description="what is planned with; the middle of the range if left out"
+    )
+    spread: str | int | None = Field(
+        None,
+        description="the standard deviation; without a range, the step lasts its usual duration "
+        "and three times the spread less or more",
+    )
+
+
 class OperatorEntry(Strict):
     """A static operator: the key is its header, name(Variable, ...)."""
 
@@ -183,11 +198,11 @@ class OperatorEntry(Strict):
         description="what the step occupies while it lasts: steps with a common resource never "
         "overlap",
     )
-    duration: str | int | None = Field(
+    duration: str | int | VaryingDurationEntry | None = Field(
         None,
         description="a number with a unit, such as 15 min, a variable, travel(From, To), or "
-        "arithmetic; "
-        "0 when left out",
+        "arithmetic; 0 when left out; or a range, `{from: 60 s, to: 90 s}`, for what nobody "
+        "decides",
     )
     cost: str | int | None = Field(
         None,

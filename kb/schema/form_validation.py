@@ -1,4 +1,4 @@
-"""Compares the content of a file with the form of its kind, and describes the deviations."""
+"""Checks the content of a file against its schema, and lists the keys allowed at a path."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -3,6 +3,7 @@ physics hinders is found and mended.
 """
 
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,25 @@ from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem
 from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
+CARRY = """
+operators:
+  carry(Probe, From, To):
+    types: {Probe: probe, From: depot, To: depot, One: unit, Two: unit}
+    where: part_of(From, One), part_of(To, Two), One != Two
+    preconditions: at(Probe, From), free(mars_gripper), free(To), accessible(From), accessible(To)
+    adds: at(Probe, To)
+    resources: mars_gripper, Probe
+    duration: 12 s
+    command: {stream: "arm(carry(Probe, From, To))", reply: done}
+"""
+OVER = """
+problem: over
+domain: themse
+initial: ["at(lid, stand)", "position(drawer, open)"]
+goals: ["at(probe_1, slot(freezer, 1))"]
+"""
 PICK = ("open_drawer", "press_switch(closed, open)", "pick(probe_1, slot(drawer, 1))")
 
 
@@ -48,6 +67,33 @@ def test_physics_confirms_a_plan_with_one_probe() -> None:
     assert seen.touched == ()
     assert max(seen.off_m.values()) < 0.005
     assert seen.off_place < 0.005
+
+
+@pytest.mark.slow
+def test_physics_confirms_a_step_with_two_places_in_a_row(tmp_path: Path) -> None:
+    """The hand closes at the first place, and holds the probe until the second."""
+    for name in ("domain.yaml", "rules.lp", "cell.yaml"):
+        shutil.copy(BUNDLED_DOMAINS / "themse" / name, tmp_path)
+    with (tmp_path / "domain.yaml").open("a") as domain:
+        domain.write(CARRY)
+    with (tmp_path / "cell.yaml").open("a") as cell_file:
+        cell_file.write("operations:\n  carry(Probe, From, To): {at: [From, To], takes: 1 s}\n")
+    (tmp_path / "over.yaml").write_text(OVER)
+    problem = load_problem(str(tmp_path / "over.yaml"))
+    cell = cell_of(str(tmp_path))
+    moving = plan_with_poses(
+        problem,
+        cell,
+        geometry_backend(),
+        lambda each: plan_objective.plan_for_objective(each, SearchLimits()),
+    ).moving
+    assert isinstance(moving.run.outcome, Found)
+    assert [step.operator.name for step in moving.steps] == ["carry"]
+    replay = replay_program(
+        PlanGate().semantics(moving.problem), cell, moving.run.outcome.plan, moving.steps
+    )
+    assert replay.touched == ()
+    assert max(replay.off_m.values()) < 0.005
 
 
 @pytest.mark.slow

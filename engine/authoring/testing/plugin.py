@@ -1,7 +1,7 @@
 """A pytest plugin: it tests every `domain.yaml` that pytest finds beside a `golden` folder.
 
-There is one test per problem. `--update-plans` accepts the new answers; it is refused in continuous
-integration.
+There is one test per problem; a problem file with a line `# slow` is marked slow. `--update-plans`
+accepts the new answers; it is refused in continuous integration.
 """
 
 import os
@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+SLOW_LINE = "# slow"  # in the file of a problem that takes long
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -36,7 +38,10 @@ class GoldenDomain(pytest.File):
         from cellwright.kb.targets import problem_files  # only where there is such a folder
 
         for file in problem_files(self.path):
-            yield GoldenPlan.from_parent(self, name=file.stem, problem_file=file)
+            item = GoldenPlan.from_parent(self, name=file.stem, problem_file=file)
+            if SLOW_LINE in file.read_text("utf-8").splitlines():
+                item.add_marker("slow")
+            yield item
 
 
 class GoldenDifference(Exception):

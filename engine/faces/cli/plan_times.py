@@ -1,4 +1,4 @@
-"""`cellwright plan --pddl` for a task with durative actions or timed literals."""
+"""Answers `plan --pddl` for a PDDL task with durative actions or timed literals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Wrong command lines: errors that typer tells with the verb that they belong to."""
+"""Makes or raises errors for wrong or useless options; typer shows them with the usage."""
 
 from collections.abc import Mapping
 
@@ -18,8 +18,8 @@ def make_misfit(
 
 
 def refuse_idle(options: Mapping[str, object], why: str) -> None:
-    """Refuse the first of the options that is given, because it would change nothing: raises a
-    `misfit`.
+    """Refuse the first of the options that is given, because it would change nothing. Raises
+    `typer.BadParameter`.
     """
     for name, value in options.items():
         if value:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from cellwright.engine.formats.interop.pddl import read_pddl_task as read_pddl_task
     from cellwright.engine.formats.interop.pddl.competition_plans import read_plan as read_plan
     from cellwright.engine.formats.interop.pddl.competition_plans import write_plan as write_plan
+    from cellwright.engine.formats.interop.pddl.durative import has_times as has_times
     from cellwright.engine.formats.interop.pddl.export import export_problem as export_problem
     from cellwright.engine.formats.interop.pddl.export import (
         read_exported_plan as read_exported_plan,
@@ -75,6 +76,7 @@ else:
                 "read_plan",
                 "write_plan",
             ),
+            ".pddl.durative": ("has_times",),
             ".pddl.export": (
                 "export_problem",
                 "read_exported_plan",

@@ -1,4 +1,4 @@
-"""Aligns a part by measured datums: results of a run move the measurements of a problem."""
+"""Takes datums from results of a run, and writes a copy of the problem with its points moved."""
 
 import json
 import os

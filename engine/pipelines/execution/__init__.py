@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     )
     from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan as ReadyPlan
     from cellwright.engine.pipelines.execution.executable_plan import first_plan as first_plan
+    from cellwright.engine.pipelines.execution.learned_durations import (
+        learn_durations as learn_durations,
+    )
+    from cellwright.engine.pipelines.execution.learned_durations import (
+        with_learned_durations as with_learned_durations,
+    )
     from cellwright.engine.pipelines.execution.operator_orders import GivenOrder as GivenOrder
     from cellwright.engine.pipelines.execution.operator_orders import OrderSource as OrderSource
     from cellwright.engine.pipelines.execution.operator_orders import TimedOrders as TimedOrders
@@ -52,6 +58,10 @@ else:
             ".executable_plan": (
                 "ReadyPlan",
                 "first_plan",
+            ),
+            ".learned_durations": (
+                "learn_durations",
+                "with_learned_durations",
             ),
             ".operator_orders": (
                 "GivenOrder",

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
 
+from cellwright.engine.model.start_rules import NO_RULES, StartRules
 from cellwright.engine.model.time_limits import Stay
 from cellwright.engine.pipelines import planning
 from cellwright.engine.stages.execution import Activity, ActivityProgram, Dwell
@@ -17,6 +18,7 @@ from cellwright.engine.stages.scheduling.plan_blocks import (
 )
 from cellwright.kb.model.conditions import Literal, goal_parts
 from cellwright.kb.model.domain_model import Command, Domain, Operator
+from cellwright.kb.model.operator_amounts import range_of_step
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem, reaches_stage
 from cellwright.kb.syntax import SECONDS_PER_UNIT
@@ -62,10 +64,11 @@ def compile_plan(
     stays: Iterable[Stay] = (),
     timed: bool = False,
     situation: Situation | None = None,
+    rules: StartRules = NO_RULES,
 ) -> CompiledProgram:
     """The program of a plan from the problem's initial state on.
 
-    Forecast starts count from `begin_ms`.
+    Forecast starts count from `begin_ms`. With the `rules` of a policy, steps begin by these.
     """
     unit = unit_ms(problem.domain)
     start = situation or initial_situation(problem)
@@ -73,7 +76,7 @@ def compile_plan(
     changes = {int(s.id): c for s, c in zip(ordered, changes_of(start, ordered), strict=True)}
     rests = resting_steps(problem, ordered, changes, start)
     operators = {operator.name: operator for operator in problem.domain.operators}
-    hands = hands_of(problem, ordered)
+    hands, longest = hands_of(problem, ordered), _longest_durations(problem, ordered)
     activities, expects, results = {}, {}, {}
     for step in sorted(ordered, key=lambda plan_step: starts[plan_step.id]):
         number, operator = int(step.id), operators.get(step.operator.name)
@@ -84,15 +87,41 @@ def compile_plan(
         begins = begin_ms + int(starts[step.id] * unit)
         activity = _activity_of(step, operator, command, begins, int(step.duration * unit))
         process = bool(hands) and not hands.intersection(activity.resources)
-        activities[number] = replace(activity, rests=number in rests, process=process)
+        activities[number] = replace(
+            activity,
+            rests=number in rests,
+            process=process,
+            rule=rules[number].scaled(unit, begin_ms) if number in rules else None,
+        )
+        if step.id in longest:
+            activities[number] = _with_longest(activities[number], int(longest[step.id] * unit))
     dwells = tuple(
         dict.fromkeys(
             Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms, s.thing, s.place)
             for s in stays
         )
     )
-    program = ActivityProgram(activities, dwells, timed, hands=hands)
+    program = ActivityProgram(activities, dwells, timed and not rules, hands=hands)
     return CompiledProgram(program, partial(_known_plan, plan), changes, expects, results)
+
+
+def _longest_durations(problem: Problem, steps: Sequence[Step]) -> dict[StepId, int]:
+    """How long steps may last that have ranges, in the domain's unit of time."""
+    varying = {operator.name for operator in problem.domain.operators if operator.varies}
+    if not varying:
+        return {}
+    amounts = planning.PlanGate().semantics(problem).amounts
+    return {
+        step.id: range_of_step(amounts, step).most
+        for step in steps
+        if step.operator.name in varying
+    }
+
+
+def _with_longest(activity: Activity, longest_ms: int) -> Activity:
+    """An activity that may last so long, and counts as failed some time after that."""
+    late_ms = TIMEOUT_FACTOR * max(longest_ms, activity.lasts_ms) + GRACE_MS
+    return replace(activity, longest_ms=longest_ms, timeout_ms=late_ms)
 
 
 def _known_plan(plan: Plan) -> Plan:
@@ -142,9 +171,12 @@ def activity_alone(domain: Domain, step: Step) -> tuple[Activity, Term]:
 def with_queues(compiled: CompiledProgram, lookahead: Callable[[str], int]) -> CompiledProgram:
     """The program with the queues that devices have.
 
-    `lookahead` tells how many commands a stream takes at once.
+    `lookahead` tells how many commands a stream takes at once. A program that follows a policy
+    sends each command when it may begin: a device that begins by itself knows no policy.
     """
     program = compiled.program
+    if program.follows_rules:
+        return compiled
     streams = {a.stream for a in program.activities.values() if not a.process}
     depths = {stream: lookahead(stream) for stream in sorted(streams)}
     queues = {stream: depth for stream, depth in depths.items() if depth > 1}

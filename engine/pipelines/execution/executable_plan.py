@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from cellwright.engine.model.outcome import Found, Outcome
 from cellwright.engine.model.plan_times import earliest_starts
 from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.model.start_rules import NO_RULES, StartRules
 from cellwright.engine.model.time_limits import missed_windows_text, tour_begin_so_far
 from cellwright.engine.pipelines.execution.compiled_program import (
     CompiledProgram,
@@ -137,15 +138,16 @@ def compile_ready_plan(
     begin_ms: int,
     here: Situation | None = None,
     since: Since = NO_TIMES,
+    rules: StartRules = NO_RULES,
 ) -> ReadyPlan:
     """The program of a plan with its forecast; without `starts`, every step is as early as the
-    plan's order allows.
+    plan's order allows. With the `rules` of a policy, steps begin by these.
     """
     times = dict(starts) if starts is not None else earliest_starts(plan)
     begin = here or initial_situation(problem)
     wishes = wishes_for(PlanGate().semantics(problem), plan)
     stays = tuple(stays_of(plan, wishes.longest_stay, begin, since))
     waits = bool(wishes.travel or wishes.longest_stay or wishes.release or wishes.windows)
-    program = compile_plan(problem, plan, times, begin_ms, stays, waits, begin)
+    program = compile_plan(problem, plan, times, begin_ms, stays, waits, begin, rules)
     last = max((times[step.id] + step.duration for step in plan.steps), default=0)
     return ReadyPlan(problem, plan, times, program, last)

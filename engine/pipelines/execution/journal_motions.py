@@ -24,6 +24,7 @@ from cellwright.engine.model.run_protocol import (
 from cellwright.engine.pipelines.execution.compiled_program import initial_situation
 from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
 from cellwright.engine.pipelines.motion.arm_progress import Where
+from cellwright.engine.pipelines.motion.places_in_a_row import step_parts
 from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, operation_of
 from cellwright.engine.pipelines.motion.seen_bodies import seen_in, with_seen
 from cellwright.engine.pipelines.motion.step_motion import guide_value
@@ -192,11 +193,14 @@ def world_during(resting: RestingCell, taken: TakenStep, share: float) -> Geomet
     motion = taken.motion
     if isinstance(motion, Unmoved) or not motion.legs:
         return resting.with_facts(taken.after if share >= 1.0 else taken.before)
-    arm, parts, seconds = motion.legs[0].arm, step_stretches(motion), share * motion.seconds
+    arm, after = motion.legs[0].arm, resting.with_facts(taken.after)
     if share >= 1.0:
-        return resting.with_facts(taken.after).moved(arm, parts[-1].q)
+        return after.moved(arm, motion.legs[-1].path[-1])
+    before = resting.with_facts(taken.before)
+    part, old, new, seconds = _part_at(motion, before, after, share * motion.seconds)
+    parts = step_stretches(part)
     now = next((part for part in reversed(parts) if part.start_s <= seconds), parts[0])
-    world = resting.with_facts(taken.after if now.later else taken.before)
+    world = new if now.later else old
     if now.leg is not None and now.leg.kind is LegKind.DRAG:
         dragged = _operation_body(resting.home, taken, "drags")
         world = world.moved(arm, now.leg.path[0])
@@ -204,6 +208,20 @@ def world_during(resting: RestingCell, taken: TakenStep, share: float) -> Geomet
     if now.leg is not None and now.leg.kind is LegKind.DRIVE and now.seconds:
         world = _driven_world(resting, taken, world, (seconds - now.start_s) / now.seconds)
     return world.moved(arm, configuration_at(now, seconds))
+
+
+def _part_at(
+    motion: MovedStep, before: GeometricWorld, after: GeometricWorld, seconds: float
+) -> tuple[MovedStep, GeometricWorld, GeometricWorld, float]:
+    """The part of a step at one place that is under way after so many seconds, with the cell before
+    and after it; the time since that part began.
+    """
+    parts = [part for part in step_parts(motion, before, after) if part[0].legs]
+    for part in parts[:-1]:
+        if seconds < part[0].seconds:
+            return (*part, seconds)
+        seconds -= part[0].seconds
+    return (*parts[-1], seconds)
 
 
 def _operation_body(world: GeometricWorld, taken: TakenStep, kind: str) -> str:

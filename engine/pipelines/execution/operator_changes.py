@@ -60,7 +60,7 @@ class _Pause:
 def change_run(
     course: RunProgress, scope: RunScope, given: GivenOrder, limits: SearchLimits
 ) -> tuple[RunScope, JoinedProgram]:
-    """The scope, and the program with its standing, after an order. Raises `Refused`.
+    """The scope, and the program with its standing, after an order. Raises `OrderRefused`.
 
     Steps that have begun are not touched. After a further command the run does what it did before,
     else it goes on.
@@ -86,7 +86,7 @@ def change_run(
 def _named_step(pause: _Pause, text: str) -> StepId:
     """The step of the plan that a text names: by its number, or as it is written.
 
-    Raises `Refused`.
+    Raises `OrderRefused`.
     """
     name = text.strip().replace(" ", "")
     for step in pause.course.whole().plan.steps:
@@ -226,7 +226,7 @@ def _most_punctual(pause: _Pause, ready_plan: ReadyPlan, wishes: Sequence[Atom])
 def _replan_rest(pause: _Pause) -> tuple[RunScope, ReadyPlan]:
     """What is left of the plan if it still serves, else a new plan for what is pursued.
 
-    Raises `Refused`.
+    Raises `OrderRefused`.
     """
     rest = pause.scope.rest(pause.state)
     recovery = recover_goals(rest, Revision(), pause.limits, pause.left, pause.state.facts)

@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
 from cellwright.engine.model.run_protocol import Finish
+from cellwright.engine.model.start_rules import StartRule
 from cellwright.engine.model.troubleshooting import Revision
 from cellwright.engine.pipelines.execution.compiled_program import CompiledProgram
 from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan
@@ -137,6 +138,8 @@ def _step_entry(
         "process": a.process or None,
         "looks": list(a.looks),
         "watches": list(a.watches),
+        "rule": None if a.rule is None else _rule_entry(a.rule, without),
+        "longest_ms": a.longest_ms,
         "duration": step.duration,
         "cost": step.cost,
         "adds": list(map(str, change.adds)),
@@ -226,7 +229,21 @@ def activity_of(step: Mapping[str, Any]) -> Activity:
         step.get("process", False),
         tuple(step.get("looks", ())),
         tuple(step.get("watches", ())),
+        _read_rule(step["rule"]) if "rule" in step else None,
+        step.get("longest_ms"),
     )
+
+
+def _rule_entry(rule: StartRule, without: Collection[int]) -> list[Any]:
+    """A start rule: its floor, and the times after starts, after ends, and of waits."""
+    lags = (rule.starts, rule.ends, rule.waits)
+    return [rule.floor, *([[n, t] for n, t in times.items() if n not in without] for times in lags)]
+
+
+def _read_rule(entry: Sequence[Any]) -> StartRule:
+    floor, *lags = entry
+    starts, ends, waits = (dict(map(tuple, times)) for times in lags)
+    return StartRule(floor, starts, ends, waits)
 
 
 def _read_step(step: Mapping[str, Any]) -> Step:

@@ -69,6 +69,8 @@ class RunLoop(RunProgress):
             why, self.review = self.review, ""
             return LoopTurn(RunPhase.RUNNING, why=why, review=True)
         under_way = frozenset(self.standing.running)
+        if self.compiled.program.follows_rules:
+            return None  # another order of the steps would be without a policy
         if (
             under_way
             and under_way != self.waited

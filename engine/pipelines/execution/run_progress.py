@@ -436,6 +436,11 @@ class RunProgress:
         self.accuracy = self.accuracy.after(
             self.standing.now_ms - started_ms, own_activity.lasts_ms
         )
+        longest = own_activity.longest_ms
+        if own_activity.rule is not None and (
+            longest is None or self.standing.now_ms - started_ms <= longest
+        ):
+            return  # a policy has reckoned with it
         off = self.standing.now_ms - (own_activity.start_ms + own_activity.lasts_ms)
         if abs(off - self.off_ms) >= self.calm * max(NOTICED_MS, own_activity.lasts_ms // 10):
             self.off_ms, self.review = off, self.review or FORECAST_MISSED

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from cellwright.engine.model.outcome import Outcome
 from cellwright.engine.model.run_protocol import PROTOCOL_VERSION, Finish, JournalRecord, RecordKind
 from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.model.start_rules import NO_RULES, StartRules
 from cellwright.engine.pipelines import motion as motion_room
 from cellwright.engine.pipelines import planning
 from cellwright.engine.pipelines.execution.checkpoints import past_of
@@ -224,19 +225,20 @@ def begin_run(
     scope: RunScope | None = None,
     paths: "RunPaths | None" = None,
     as_read: Problem | None = None,
+    rules: StartRules = NO_RULES,
 ) -> Finish | Outcome:
     """Run a problem to its end under a name that `named` has given; why there is no plan, if there
     is none.
 
     `outcome` is a plan that is known already, `table` one with its starts; `scope` says for which
     of the goals. With `paths`, each step is looked at before it is sent, and has to move. `as_read`
-    is the problem as its files have it; they are read again if it is not given. Raises
-    `InvalidInput`.
+    is the problem as its files have it; they are read again if it is not given. The steps of a
+    `table` begin by the `rules` of a policy, if it has one. Raises `InvalidInput`.
     """
     scope = scope or RunScope(problem)
     if table is not None:
         plan_or_outcome: ReadyPlan | Outcome = compile_ready_plan(
-            scope.problem, table.plan, table.starts, 0
+            scope.problem, table.plan, table.starts, 0, rules=rules
         )
     else:
         plan_or_outcome = first_plan(problem, limits, outcome, request.store)

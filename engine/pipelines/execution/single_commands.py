@@ -53,7 +53,7 @@ class RunEnded(Exception):
 
 
 def perform_command(course: RunLoop, command: DriverCommand) -> PerformedCommand:
-    """Send one command and wait for its reply. Raises `Ended`."""
+    """Send one command and wait for its reply. Raises `RunEnded`."""
     number = course.standing.number
     course.standing = replace(course.standing, number=number + 1)
     command = replace(command, number=number)
@@ -87,7 +87,7 @@ def _known_reply(course: RunLoop, number: int) -> str | None:
 
 
 def _await_reply(course: RunLoop, command: DriverCommand) -> str:
-    """The reply to a command that was sent; `timeout` if none comes in time. Raises `Ended`."""
+    """The reply to a command that was sent; `timeout` if none comes in time. Raises `RunEnded`."""
     due = None if command.timeout_ms is None else course.driver.now_ms() + command.timeout_ms
     while True:
         if (answer := _hear_orders(course, command)) is not None:
@@ -119,7 +119,7 @@ def _await_reply(course: RunLoop, command: DriverCommand) -> str:
 
 def _hear_orders(course: RunLoop, command: DriverCommand) -> str | None:
     """What a person answers to a command that asks one; None if nobody has answered. Raises
-    `Ended`.
+    `RunEnded`.
     """
     for given_order in course.orders.due(course.driver.now_ms()):
         course.recorder.note(RecordKind.ORDER, **given_order.content())

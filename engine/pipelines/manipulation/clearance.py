@@ -1,4 +1,4 @@
-"""Clearance of a part at a pose: whether there is room, and how tightly it sits at its goal."""
+"""Tells whether a part has room at its goal, and plans its insertion where it is tight."""
 
 from collections.abc import Callable
 

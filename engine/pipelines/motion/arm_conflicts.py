@@ -1,7 +1,7 @@
 """The space that each arm sweeps in each step, and which steps of different arms can collide."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 
@@ -16,6 +16,7 @@ from cellwright.engine.model.motion_values import (
     StepLeg,
     StepPair,
 )
+from cellwright.engine.pipelines.motion.places_in_a_row import step_parts
 from cellwright.engine.ports import GeometryBackend
 from cellwright.engine.stages.geometry.collision.planning_scene import (
     PlanningScene,
@@ -131,6 +132,15 @@ def passages_of(moment: StepMoment, arm: str, q: Floats) -> Iterator[ArmPassage]
     """Where an arm is in a step, from its configuration `q` (k,) on; at its end with what it
     holds then.
     """
+    assert moment.moved is not None
+    for part, before, after in step_parts(moment.moved, moment.before, moment.after):
+        of_part = replace(moment, moved=part, before=before, after=after)
+        for passage in _passages_at_place(of_part, arm, q):
+            yield passage
+            q = passage.path[-1]
+
+
+def _passages_at_place(moment: StepMoment, arm: str, q: Floats) -> Iterator[ArmPassage]:
     assert moment.moved is not None
     before, after = ArmRider(moment.before, arm), ArmRider(moment.after, arm)
     yield ArmPassage(before, q[None])

@@ -259,11 +259,8 @@ def arms_of_step(cell: Cell, step: Function, operation: Operation | None) -> tup
         return tuple(cell.arms)
     named = {str(argument) for argument in step.arguments}
     if operation is not None:
-        ends = (
-            str(place_term)
-            for place_term in (operation.at, operation.with_place)
-            if place_term is not None
-        )
+        beside = () if operation.with_place is None else (operation.with_place,)
+        ends = map(str, (*operation.stops, *beside))
         named |= {cell.places[place_name].arm for place_name in ends if place_name in cell.places}
         named |= set(_carried_arms(cell, operation.drives)) if operation.drives else set()
     return tuple(arm for arm in cell.arms if arm in named)

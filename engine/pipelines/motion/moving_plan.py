@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from cellwright.engine.model.motion_values import MovedStep, Sharing, Unmoved
+from cellwright.engine.model.motion_values import MovedStep, Sharing, Unmoved, UnprovedStep
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome
 from cellwright.engine.model.part_measurements import asked_for, chooses_tools, is_shared
 from cellwright.engine.model.shop_scheduling import Schedule, Timetable
@@ -24,6 +24,7 @@ from cellwright.engine.pipelines.motion.measurement_poses import (
     with_stations,
 )
 from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, Ways, steps_by_start
+from cellwright.engine.pipelines.motion.unproved_steps import unproved_steps
 from cellwright.engine.pipelines.planning.checked_plan import task_for
 from cellwright.engine.pipelines.planning.decomposition.joined_plan import patch_plan
 from cellwright.engine.pipelines.planning.dwell_limits import wishes_for
@@ -65,6 +66,7 @@ class MovingRun:
 
     `given_up` are goals about measurements that no arm can take; `problem` is without them.
     `sharing` says how several arms keep apart. `walk` knows the motions of the steps, and the cell.
+    `unproved` are the steps without a motion, and those that bring a body somewhere without one.
     """
 
     run: Run
@@ -74,6 +76,7 @@ class MovingRun:
     given_up: tuple[RelinquishedGoal, ...] = ()
     sharing: Sharing | None = None
     walk: PlanWalk | None = None
+    unproved: tuple[UnprovedStep, ...] = ()
 
 
 def plan_moving(
@@ -238,7 +241,14 @@ def _moving_run(
     plan = PlanGate().accepted(problem, table.plan)
     outcome = replace(run.outcome, plan=plan, optimal=False)
     timed_run = replace(run, outcome=outcome, timetable=table)
-    return MovingRun(timed_run, problem, tuple(steps), tuple(refused), sharing=sharing)
+    return MovingRun(
+        timed_run,
+        problem,
+        tuple(steps),
+        tuple(refused),
+        sharing=sharing,
+        unproved=unproved_steps(asked.walk, plan),
+    )
 
 
 def _kept_apart(asked: _AskedProblem, table: Timetable) -> PassingPlan | str:

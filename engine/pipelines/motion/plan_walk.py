@@ -11,6 +11,7 @@ from cellwright.engine.model.plan_times import earliest_starts
 from cellwright.engine.pipelines.inspection.measurement_places import measured_cell
 from cellwright.engine.pipelines.motion.arm_progress import ArmsProgress, Front, Where, bodies_held
 from cellwright.engine.pipelines.motion.cell_state import BodyRide, CellState, arms_of_step
+from cellwright.engine.pipelines.motion.places_in_a_row import PlacesInARow
 from cellwright.engine.pipelines.motion.seen_bodies import placing_facts
 from cellwright.engine.pipelines.motion.step_motion import StepMotion, guide_value
 from cellwright.engine.pipelines.motion.two_arm_steps import TwoArmStep
@@ -131,11 +132,8 @@ class PlanWalk:
         """The motion of one step from where the arm is now; the arm is at its end then."""
         if operation.drives:
             return self._driven(step, operation, before, after)
-        ends = [
-            place_term
-            for place_term in (operation.at, operation.with_place)
-            if place_term is not None
-        ]
+        beside = () if operation.with_place is None else (operation.with_place,)
+        ends = (*operation.stops, *beside)
         lacking = next(
             (place_term for place_term in ends if str(place_term) not in self.cell.places), None
         )
@@ -184,8 +182,8 @@ class PlanWalk:
             stand.append((self.hands.now(arm).tobytes(), front_place, inside))
         return (
             step.operator,
-            self._located(before),
-            self._located(after),
+            self.located(before),
+            self.located(after),
             self._lying,
             tuple(stand),
         )
@@ -193,12 +191,15 @@ class PlanWalk:
     def _refined(
         self, step: Step, operation: Operation, arms: tuple[str, ...], before: State, after: State
     ) -> MovedStep | Unmoved:
-        place, rooms = (
-            self.cell.places[str(operation.at)],
-            (self.room(before, arms), self.room(after, arms)),
-        )
+        places = [self.cell.places[str(stop)] for stop in operation.stops]
+        place, rooms = places[0], (self.room(before, arms), self.room(after, arms))
         known_ways = self._known_ways(place, before)
-        if len(arms) > 1:
+        motion: MovedStep | Unmoved
+        if operation.then:
+            ways = {stop.name: self._known_ways(stop, before) for stop in places}
+            motion = PlacesInARow(self.hands, step, operation, places, *rooms, ways).moved()
+            place = self.cell.places[motion.place]
+        elif len(arms) > 1:
             motion = TwoArmStep(self.hands, step, operation, *rooms, known_ways).moved()
         else:
             motion = StepMotion(self.hands, step, operation, place, *rooms, known_ways).moved()
@@ -224,7 +225,7 @@ class PlanWalk:
             for alternative in self.cell.operations
             if alternative.operator.name == operation.operator.name
         ]
-        if unmoved.level == "way" or len(own) != 1 or own[0].at is None:
+        if unmoved.level == "way" or len(own) != 1 or own[0].at is None or own[0].then:
             return frozenset()
         if unmoved.level == "approach" and operation.ends is Ends.OUTSIDE:
             return frozenset()
@@ -239,7 +240,7 @@ class PlanWalk:
         """The cell in a state as some arms meet it, alone or with each other; with all arms at
         rest if none are named.
         """
-        facts = self._located(state)
+        facts = self.located(state)
         key = facts, self._lying, arms
         if key not in self._rooms:
             world = GeometricWorld.of(self.cell)
@@ -254,7 +255,7 @@ class PlanWalk:
     def _lying(self) -> bytes:
         return b"".join(name.encode() + T.tobytes() for name, T in sorted(self.lying.items()))
 
-    def _located(self, state: State) -> frozenset[Atom]:
+    def located(self, state: State) -> frozenset[Atom]:
         """The facts of a state that put a body somewhere.
 
         What the last state had in common with it is not looked at again.
@@ -317,7 +318,7 @@ class PlanWalk:
         """The straight ways into a place that are known for where the arm stands."""
         if not self.ways:
             return ()
-        stations = [str(fact.arguments[-1]) for fact in self._located(state) if fact.arguments]
+        stations = [str(fact.arguments[-1]) for fact in self.located(state) if fact.arguments]
         ways_found = (self.ways.get((place.name, station)) for station in (*sorted(stations), ""))
         return next(
             (ways_of_place for ways_of_place in ways_found if ways_of_place is not None), ()
@@ -335,12 +336,20 @@ def operation_of(cell: Cell, step: Function) -> Operation | None:
     for operation in cell.operations:
         bindings = match_term(operation.operator, step, {})
         if bindings is not None:
-            at, beside, load = (
+            at, beside, load, *then = (
                 None if term is None else substitute_term(term, bindings)
-                for term in (operation.at, operation.with_place, operation.carries)
+                for term in (
+                    operation.at,
+                    operation.with_place,
+                    operation.carries,
+                    *operation.then,
+                )
             )
-            at, beside = _arm_own_place(cell, at, step), _arm_own_place(cell, beside, step)
-            return replace(operation, operator=step, at=at, with_place=beside, carries=load)
+            at, beside, *then = (_arm_own_place(cell, stop, step) for stop in (at, beside, *then))
+            stops = tuple(stop for stop in then if stop is not None)
+            return replace(
+                operation, operator=step, at=at, with_place=beside, carries=load, then=stops
+            )
     return None
 
 

@@ -229,7 +229,7 @@ def replayed_set(
 ) -> list[ReplayedAnswer]:
     """What the planner makes of each problem, in their order.
 
-    Raises `InvalidInput`, and `Stopped` if it is interrupted.
+    Raises `InvalidInput`, and `StoppedByCaller` if it is interrupted.
     """
     where = str(find_target(target).absolute())
     own, key = content_digest(Path(where)), content_digest(Path(where), wish)

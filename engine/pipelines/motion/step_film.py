@@ -1,12 +1,13 @@
 """Films of a plan or a run: where everything is from moment to moment, without the waiting."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.motion_values import LegKind, MovedStep, StepLeg
+from cellwright.engine.pipelines.motion.places_in_a_row import step_parts
 from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, operation_of, states_of
 from cellwright.engine.pipelines.motion.step_motion import guide_value
 from cellwright.engine.stages.geometry.world.geometric_world import (
@@ -91,9 +92,11 @@ def shots_of_film(takes: Iterable[FilmTake], every_s: float) -> Iterator[FilmSho
                 now += SHORT_S
                 yield FilmShot(now, _with_arms(take.after, arms))
             continue
-        for shot in _of_step(take, take.moved, take.operation, arms, every_s):
-            yield FilmShot(now + shot.at_s, shot.world)
-        now += take.moved.seconds
+        for part, before, after in step_parts(take.moved, take.before, take.after):
+            of_part = replace(take, before=before, after=after, moved=part)
+            for shot in _of_step(of_part, part, take.operation, arms, every_s):
+                yield FilmShot(now + shot.at_s, shot.world)
+            now += part.seconds
 
 
 def thin_shots(shots: Sequence[FilmShot], every_s: float) -> list[FilmShot]:

@@ -41,6 +41,9 @@ if TYPE_CHECKING:
     from cellwright.engine.pipelines.planning.plan_objective import (
         plan_for_objective as plan_for_objective,
     )
+    from cellwright.engine.pipelines.planning.robustness.robust_run import (
+        make_robust as make_robust,
+    )
     from cellwright.engine.pipelines.planning.target_files import initial_facts as initial_facts
     from cellwright.engine.pipelines.planning.target_files import load_target as load_target
     from cellwright.engine.pipelines.planning.target_files import problem_of as problem_of
@@ -87,6 +90,7 @@ else:
                 "plan_fastest",
                 "plan_for_objective",
             ),
+            ".robustness.robust_run": ("make_robust",),
             ".target_files": (
                 "initial_facts",
                 "load_target",

@@ -1,4 +1,4 @@
-"""Searches the plan with the least makespan, and delays steps that set a stage until its turn.
+"""Finds the plan with the least makespan; moves steps that set a workflow stage to its turn.
 
 A stage that is a fluent is reached in its turn if it holds then, whenever it was made true. So a
 search may make it true as early as it likes. Who asks for it expects it done in its turn. Where

@@ -1,4 +1,4 @@
-"""Problems without forbidden steps: those that use lost resources, and those that have failed.
+"""Makes a problem without the steps that use lost resources, and without steps that failed.
 
 What is lost may still be put away, so that others can go on: a step that uses it is taken if all
 that it ends are facts about what is lost, and if it makes something true that is not about it (a

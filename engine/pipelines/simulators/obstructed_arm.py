@@ -15,6 +15,7 @@ import numpy as np
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.motion_values import LegKind, MovedStep, StepLeg
 from cellwright.engine.pipelines.motion.cell_state import BodyRide, CellState
+from cellwright.engine.pipelines.motion.places_in_a_row import step_parts
 from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, operation_of
 from cellwright.engine.pipelines.motion.step_motion import guide_value
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
@@ -73,6 +74,9 @@ class ObstructedArm:
         self, moved: MovedStep, operation: Operation, before: Facts, after: Facts
     ) -> Iterator[str]:
         """What the arms meet on their way of what nobody knows of, in this order."""
+        if moved.stops:
+            yield from self._met_in_a_row(moved, operation, before, after)
+            return
         for leg in moved.legs:
             state = frozenset(after if leg.kind is LegKind.OUT else before)
             for leg_beside in (leg, *leg.beside):
@@ -82,6 +86,19 @@ class ObstructedArm:
                     yield from self._on_ride(room, last, operation.drives, leg_beside)
                 else:
                     yield from self._on_leg(_room_holding(room, leg_beside, operation), leg_beside)
+
+    def _met_in_a_row(
+        self, moved: MovedStep, operation: Operation, before: Facts, after: Facts
+    ) -> Iterator[str]:
+        """The same for a step with several places in a row."""
+        arm = moved.legs[0].arm
+        rooms = (self._real.room(frozenset(facts), (arm,)) for facts in (before, after))
+        ends = (room.world for room in rooms)
+        for part, old, new in step_parts(moved, *ends):
+            for leg in part.legs:
+                world = new if leg.kind is LegKind.OUT else old
+                room = CellState(world, self._real.backend, {})
+                yield from self._on_leg(_room_holding(room, leg, operation), leg)
 
     def _on_leg(self, room: CellState, leg: StepLeg) -> Iterator[str]:
         ground, hidden = room.free(leg.arm), self.unknown.names

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 
 from cellwright.engine.ports import DriverSetup
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.operator_amounts import DurationRange
 from cellwright.kb.numbers import NumberError, is_count, read_decimal
+
+FORECAST, DRAWN, SHORTEST, LONGEST = "forecast", "drawn", "shortest", "longest"
+MAX_REDRAWS = 10_000  # draws outside of the range
+DURATION_CHOICES = (FORECAST, DRAWN, SHORTEST, LONGEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +42,11 @@ def read_injection(text: str) -> Injection:
 
 @dataclass(frozen=True, slots=True)
 class SimulatorSettings:
-    """How a simulated cell behaves. Durations are spread evenly by a share around the forecast."""
+    """How a simulated cell behaves. Durations are spread evenly by a share around the forecast.
+
+    `durations` says how long steps last that have ranges: as `forecast`, `drawn`, or the `shortest`
+    or `longest` time.
+    """
 
     seed: int = 0
     factor: float = 0.0
@@ -45,6 +54,7 @@ class SimulatorSettings:
     lookahead: int = 1
     injections: tuple[Injection, ...] = ()
     log: str = ""
+    durations: str = FORECAST
 
 
 def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> SimulatorSettings:
@@ -52,7 +62,7 @@ def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> SimulatorSettin
 
     `more` are options that its driver has beside these. Raises `InvalidInput`.
     """
-    known_options = ("spread", "lookahead", "fault", "log", "truth", *more)
+    known_options = ("spread", "lookahead", "fault", "log", "truth", "durations", *more)
     if unknown := [name for name in setup.options if name not in known_options]:
         hint = f"one of: {', '.join(known_options)}"
         raise InvalidInput(
@@ -73,7 +83,17 @@ def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> SimulatorSettin
             if fault.strip()
         ),
         setup.options.get("log", ""),
+        _durations_option(setup.options),
     )
+
+
+def _durations_option(options: Mapping[str, str]) -> str:
+    """How long steps with ranges last. Raises `InvalidInput`."""
+    said = options.get("durations", FORECAST)
+    if said not in DURATION_CHOICES:
+        reason, hint = f"no durations '{said[:40]}'", f"one of: {', '.join(DURATION_CHOICES)}"
+        raise InvalidInput([Diagnostic(Source("--option"), "K406", reason, hint)])
+    return said
 
 
 def option_number(options: Mapping[str, str], name: str, default: float = 0.0) -> float:
@@ -91,3 +111,21 @@ def drawn_duration(settings: SimulatorSettings, action: str, time_: int, lasts_m
     """How long an action takes the n-th time: always the same for the same seed."""
     share = random.Random(f"{settings.seed} {action} {time_}").uniform(-1.0, 1.0)
     return max(0, round(lasts_ms * (1.0 + settings.spread * share)))
+
+
+def duration_in_range(
+    settings: SimulatorSettings, action: str, time_: int, lasts: DurationRange
+) -> float:
+    """How long an action with a range takes the n-th time, in the domain's unit of time."""
+    if settings.durations == SHORTEST:
+        return lasts.least
+    if settings.durations == LONGEST:
+        return lasts.most
+    if settings.durations == FORECAST:
+        return lasts.usual
+    chance = random.Random(f"{settings.seed} {action} {time_} in its range")
+    for _ in range(MAX_REDRAWS if lasts.spread else 0):
+        drawn = chance.gauss(lasts.usual, lasts.spread)
+        if lasts.least <= drawn <= lasts.most:
+            return drawn
+    return chance.uniform(lasts.least, lasts.most)

@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,15 +29,21 @@ from cellwright.engine.pipelines.simulators.simulator_log import (
     SimulatorLog,
 )
 from cellwright.engine.pipelines.simulators.simulator_settings import (
+    FORECAST,
     SimulatorSettings,
     drawn_duration,
+    duration_in_range,
     settings_of,
 )
-from cellwright.engine.pipelines.simulators.true_state import HiddenCell
+from cellwright.engine.pipelines.simulators.true_state import HiddenCell, step_instance
 from cellwright.engine.ports import DriverSetup
 from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.loader.problem_amounts import amounts_of
 from cellwright.kb.model.fault_model import FaultModel
+from cellwright.kb.model.operator_amounts import Amounts, range_of_step
+from cellwright.kb.model.plan_model import INITIAL_STEP, Step
 from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.syntax import SECONDS_PER_UNIT
 
 if TYPE_CHECKING:
     from cellwright.engine.pipelines.simulators.simulated_cell import PhysicalBody
@@ -50,11 +57,34 @@ MAX_REMEMBERED_COMMANDS = 10_000
 
 
 @dataclass
+class StepRanges:
+    """The ranges of the steps of a problem, and how often each step was begun."""
+
+    problem: Problem
+    times: dict[str, int] = field(default_factory=dict)
+
+    def duration_ms(self, settings: SimulatorSettings, action: str, forecast_ms: int) -> int:
+        """How long a step takes this time; as it is forecast, where it has no range."""
+        lasts = range_of_step(self._amounts, Step(INITIAL_STEP, step_instance(action)))
+        if not lasts.varies:
+            return forecast_ms
+        self.times[action] = self.times.get(action, 0) + 1
+        drawn = duration_in_range(settings, action, self.times[action], lasts)
+        unit_s = SECONDS_PER_UNIT[self.problem.domain.time_unit]
+        return round(drawn * float(unit_s) * 1000)
+
+    @cached_property
+    def _amounts(self) -> Amounts:
+        return amounts_of(self.problem)
+
+
+@dataclass
 class Simulator:
     """A driver for a cell that is simulated."""
 
     cell: SimulatedCell
     settings: SimulatorSettings = field(default_factory=SimulatorSettings)
+    ranges: "StepRanges | None" = None
 
     def __post_init__(self) -> None:
         self._now = 0
@@ -178,6 +208,8 @@ class Simulator:
         if self.settings.spread and command.kind is CommandKind.STEP:
             time_ = self._times[command.action] = self._times.get(command.action, 0) + 1
             lasts = drawn_duration(self.settings, command.action, time_, lasts)
+        if self.ranges is not None and command.kind is CommandKind.STEP:
+            lasts = self.ranges.duration_ms(self.settings, command.action, lasts)
         if broken := self.cell.missing(command.looks):
             self._broken[command.number], lasts = broken, 0
         self._under_way[command.number] = self._now + lasts
@@ -299,8 +331,8 @@ def fault_base(problem: Problem) -> FaultModel | None:
 
 
 def simulated_driver(setup: DriverSetup) -> Simulator:
-    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth,
-    obstacles, really.
+    """The simulator for a run. Options: spread, durations, lookahead, fault (STEP=CAUSE; ...), log,
+    truth, obstacles, really.
 
     Raises `InvalidInput`.
     """
@@ -316,7 +348,8 @@ def simulated_driver(setup: DriverSetup) -> Simulator:
         truth=truth,
         unknown=unknown,
     )
-    return Simulator(cell, settings)
+    ranges = None if settings.durations == FORECAST else StepRanges(setup.problem)
+    return Simulator(cell, settings, ranges)
 
 
 def _obstructions(setup: DriverSetup) -> "tuple[PhysicalBody | None, UnmodelledThings | None]":

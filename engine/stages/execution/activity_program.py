@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from cellwright.engine.model.start_rules import StartRule
+
 
 @dataclass(frozen=True, slots=True)
 class Activity:
@@ -13,6 +15,8 @@ class Activity:
     `expects` is the pattern of a normal reply. `rests` says that nothing is left in a hand when it
     ends, or that it reaches a goal: a run may pause behind it. A `process` goes on without a hand.
     Its device looks at the facts in `looks` before it begins, and at `watches` while it goes on.
+    Where a policy is followed, `rule` says when it may begin (in milliseconds of the run's clock),
+    and it is counted on to last no longer than `longest_ms`.
     """
 
     id: int
@@ -30,6 +34,8 @@ class Activity:
     process: bool = False
     looks: tuple[str, ...] = ()
     watches: tuple[str, ...] = ()
+    rule: StartRule | None = None
+    longest_ms: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +68,11 @@ class ActivityProgram:
     timed: bool = False
     lookahead: Mapping[str, int] = field(default_factory=dict)
     hands: frozenset[str] = frozenset()
+
+    @cached_property
+    def follows_rules(self) -> bool:
+        """Whether its activities begin by the rules of a policy."""
+        return any(activity.rule is not None for activity in self.activities.values())
 
     @cached_property
     def successors(self) -> Mapping[int, tuple[int, ...]]:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from cellwright.engine.stages.execution.activity_program import Activity, ActivityProgram
+from cellwright.engine.stages.execution.rule_following import allowed_start
 from cellwright.engine.stages.execution.run_events import Dispatch
 from cellwright.engine.stages.execution.run_state import ExecutiveState, Running
 
@@ -68,14 +69,7 @@ def dispatch_activities(
     """The standing after everything that can begin has begun, and the commands for it."""
     board = _DispatchBoard(program, standing)
     if standing.ready:
-        for activity in sorted(
-            standing.ready,
-            key=lambda activity_number: (
-                program.activities[activity_number].start_ms,
-                activity_number,
-            ),
-        ):
-            board.begin(program.activities[activity])
+        board.begin_ready()
     if program.lookahead:
         board.queue()
     return board.standing(), tuple(board.sent)
@@ -97,6 +91,7 @@ class _DispatchBoard:
             dict(standing.waits),
             standing.number,
         )
+        self.begun = dict(standing.begun_ms) if program.follows_rules else {}
         self.sent: list[Dispatch] = []
 
     def standing(self) -> ExecutiveState:
@@ -113,19 +108,44 @@ class _DispatchBoard:
             open=self.open,
             waits=self.waits,
             number=self.number,
+            begun_ms=self.begun,
         )
+
+    def begin_ready(self) -> None:
+        """Begin what is ready and may begin, in the order of the forecast. By the rules of a policy
+        one that has begun may let others begin at the same time.
+        """
+        waiting = sorted(self.old.ready, key=lambda n: (self.program.activities[n].start_ms, n))
+        sent = -1
+        while waiting and len(self.sent) > sent:
+            sent = len(self.sent)
+            for number in waiting:
+                self.begin(self.program.activities[number])
+            waiting = [number for number in waiting if number in self.ready]
+            if not self.program.follows_rules:
+                return
 
     def begin(self, activity: Activity) -> None:
         """Begin an activity that is ready, if it may begin now."""
         old = self.old
-        early = self.program.timed and activity.start_ms > old.now_ms
+        early = self._is_early(activity)
         kept = old.frozen and not activity.process
         if early or kept or any(resource in self.busy for resource in activity.resources):
             return
         if self.program.lookahead.get(activity.stream, 1) > 1 and self._in_stream(activity.stream):
             return
-        if all(self._delays_nobody(activity, resource) for resource in activity.resources):
+        if activity.rule is not None or all(
+            self._delays_nobody(activity, resource) for resource in activity.resources
+        ):
             self._send(activity)
+
+    def _is_early(self, activity: Activity) -> bool:
+        """Whether an activity may not begin yet, by its rule or else by its forecast."""
+        if activity.rule is None:
+            return self.program.timed and activity.start_ms > self.old.now_ms
+        begun = replace(self.old, begun_ms=self.begun)
+        start = allowed_start(self.program, begun, activity.rule)
+        return start is None or start > self.old.now_ms
 
     def _delays_nobody(self, activity: Activity, resource: str) -> bool:
         """Whether those that stand before an activity on a resource can begin no sooner than it
@@ -151,6 +171,8 @@ class _DispatchBoard:
         self.sent.append(Dispatch(self.number, activity.id, activity.stream))
         self.running[self.number] = Running(activity.id, self.old.now_ms)
         self.number += 1
+        if self.program.follows_rules:
+            self.begun[activity.id] = self.old.now_ms
         self.ready.discard(activity.id)
         self.open.pop(activity.id, None)
         self.ahead.add(activity.id)

@@ -26,7 +26,7 @@ class ExecutiveState:
     who holds a resource (the last one, if several are queued in one stream). `unrested` are hands
     that hold something on the way to a goal; while it is `frozen`, no hand begins anything. `waits`
     are the WAITs that were sent, with the activities that they wait for. `dwelling` are deadlines
-    of waits.
+    of waits. Where a policy is followed, `begun_ms` and `ended_ms` say when activities have.
     """
 
     phase: RunPhase
@@ -45,6 +45,8 @@ class ExecutiveState:
     warned: frozenset[tuple[Dwell, bool]] = frozenset()
     failures: tuple[Failure, ...] = ()
     done: int = 0
+    begun_ms: Mapping[int, int] = field(default_factory=dict)
+    ended_ms: Mapping[int, int] = field(default_factory=dict)
 
     def finished(self, program: ActivityProgram) -> bool:
         """Whether every activity has ended."""
@@ -83,10 +85,23 @@ def standing_of(
         for r in program.activities[command_underway.activity].resources
     }
     dwelling = _dwell_ends(program, ends or {}, begun)
+    begun_ms, ended_ms = _past_times(program, ends or {}, underway)
     return ExecutiveState(
         phase, now_ms, number, frozenset(ready), partly, underway, busy, heads, ahead, {}, unrested,
-        False, dwelling, done=len(finished),
+        False, dwelling, done=len(finished), begun_ms=begun_ms, ended_ms=ended_ms,
     )  # fmt: skip
+
+
+def _past_times(
+    program: ActivityProgram, ends: Mapping[int, int], running: Mapping[int, Running]
+) -> tuple[dict[int, int], dict[int, int]]:
+    """When activities have begun and ended, for a program that follows a policy. One that has ended
+    counts as begun no sooner: whatever waits for it then rather begins later.
+    """
+    if not program.follows_rules:
+        return {}, {}
+    since = {under_way.activity: under_way.since_ms for under_way in running.values()}
+    return {**ends, **since}, dict(ends)
 
 
 def _dwell_ends(

@@ -7,6 +7,7 @@ from cellwright.engine.model.run_protocol import RunPhase
 from cellwright.engine.stages.execution import run_events as e
 from cellwright.engine.stages.execution.activity_program import ActivityProgram
 from cellwright.engine.stages.execution.dispatch import dispatch_activities, soonest_start
+from cellwright.engine.stages.execution.rule_following import allowed_start, is_within_ranges
 from cellwright.engine.stages.execution.run_state import (
     ExecutiveState,
     Running,
@@ -50,8 +51,17 @@ def next_time(program: ActivityProgram, standing: ExecutiveState) -> int | None:
         and not standing.frozen
     ):
         times += [program.activities[ready_activity].start_ms for ready_activity in standing.ready]
+    if program.follows_rules and standing.phase in (RunPhase.RUNNING, RunPhase.INTERRUPTING):
+        times += _allowed_starts(program, standing)
     times += [moment for when in standing.dwelling.values() for moment in (when, when + 1)]
     return min((start_time for start_time in times if start_time > now), default=None)
+
+
+def _allowed_starts(program: ActivityProgram, standing: ExecutiveState) -> list[int]:
+    """When the rules of what is ready allow it to begin, as far as that is known."""
+    rules = (program.activities[activity].rule for activity in standing.ready)
+    starts = (allowed_start(program, standing, rule) for rule in rules if rule is not None)
+    return [start for start in starts if start is not None]
 
 
 def only_waits(program: ActivityProgram, standing: ExecutiveState) -> bool:
@@ -104,9 +114,11 @@ def _watch_dwells(
     ends = {
         r.activity: _expected_end(program, r, standing.now_ms) for r in standing.running.values()
     }
-    threats = []
+    threats, sure = [], is_within_ranges(program, standing)
     for dwell, until in dwelling.items():
         over = standing.now_ms > until
+        if sure and not over:
+            continue
         late = soonest_start(program, ends, standing.ready, standing.now_ms, dwell.target) - until
         if late > 0 and (dwell, over) not in standing.warned:
             threats.append(e.Threatened(dwell, late, over))
@@ -189,6 +201,9 @@ def _end_command(program: ActivityProgram, standing: ExecutiveState, number: int
         unrested=unrested_after(standing.unrested, activity, program.hands),
         dwelling=dwelling,
         done=standing.done + 1,
+        ended_ms={**standing.ended_ms, activity_id: standing.now_ms}
+        if program.follows_rules
+        else standing.ended_ms,
     )
 
 

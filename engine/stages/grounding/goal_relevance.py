@@ -196,7 +196,7 @@ def amount_predicates(domain: Domain, schema: Schema) -> Iterator[tuple[str, int
 
     Travel ties all places to one another, and changes no plan but only how long it lasts.
     """
-    for term in (schema.operator.duration, schema.operator.cost):
+    for term in schema.operator.amounts:
         for part in _term_functions(term):
             if part.name in domain.predicates and part.name != domain.conventions.travel:
                 yield part.name, len(domain.predicates[part.name].arguments)

@@ -51,10 +51,7 @@ class InstanceTraits:
         self, operator: Operator, amounts: Amounts, amiss: dict[tuple[str, str], InvalidAmount]
     ) -> None:
         self.operator, self.amounts, self.amiss = operator, amounts, amiss
-        terms = [
-            *operator.resources,
-            *(term for term in (operator.duration, operator.cost) if term is not None),
-        ]
+        terms = [*operator.resources, *operator.amounts]
         named = {variable for term in terms for variable in term_variables(term)}
         alone = any(measured.name == operator.name for measured in amounts.measured)
         self.places = [

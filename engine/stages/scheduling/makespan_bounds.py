@@ -40,7 +40,7 @@ class Occupation:
 def makespan_lower_bound(lags: Lags) -> int:
     """No schedule of the shop ends before this.
 
-    Raises `Contradiction` if there is no schedule at all.
+    Raises `CircularLags` if there is no schedule at all.
     """
     paths = [lags.heads[name] + lags.tails[name] for name in lags.shop.stages]
     served = [resource_bound(lags, resource) for resource in lags.shop.resources]

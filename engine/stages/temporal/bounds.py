@@ -6,13 +6,14 @@ durations: if each of some goals needs an action of its own, and all these actio
 fact at their start and give it back at their end, they cannot overlap.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from heapq import heapify, heappop, heappush
 
 from cellwright.engine.model.temporal import GroundTimes, Span
 from cellwright.engine.stages.temporal.formulas import constant
 from cellwright.engine.stages.temporal.windows import Windows
+from cellwright.kb.graphs import strong_components
 
 MAX_ROUNDS = 12  # in which what must have ended is followed from action to action
 
@@ -52,13 +53,17 @@ class Paths:
         self.started: dict[int, Fraction] = {}
         self.ended: dict[int, Fraction] = {}
         self.initial = set(task.initial)
+        mutual = mutual_holds(task.spans)
+        self.needs = [
+            self._needs(span, mutual.get(action, set())) for action, span in enumerate(task.spans)
+        ]
 
     def spread(self) -> None:
         """Find the soonest times, from the start on."""
         users: dict[int, list[int]] = {}
-        missing = [len(needs) for needs in map(self._needs, self.task.spans)]
-        for action, span in enumerate(self.task.spans):
-            for fact in self._needs(span):
+        missing = list(map(len, self.needs))
+        for action, needs in enumerate(self.needs):
+            for fact in needs:
                 users.setdefault(fact, []).append(action)
         queue = [(Fraction(0), fact) for fact in sorted(self.task.initial)]
         queue += [(timed.at, fact) for timed in self.task.timed for fact in timed.happening.adds]
@@ -76,10 +81,12 @@ class Paths:
                     self._fire(action, queue)
         self._endings()
 
-    def _needs(self, span: Span) -> set[int]:
-        held = {
-            self.windows.needed(fact, span) for fact in span.holds if fact not in span.start.adds
-        }
+    def _needs(self, span: Span, mutual: set[int]) -> set[int]:
+        """What must be true before an action can start, or at once when it does.
+
+        What starts together with it is left out.
+        """
+        held = {self.windows.needed(fact, span) for fact in span.holds if fact not in mutual}
         return {*span.start.needs, *held}
 
     def _fire(self, action: int, queue: list[tuple[Fraction, int]]) -> None:
@@ -91,7 +98,7 @@ class Paths:
         start = Fraction(0)
         for fact in span.start.needs:
             start = max(start, self.at[fact] + (0 if fact in self.initial else epsilon))
-        for fact in self._needs(span) - set(span.start.needs):
+        for fact in self.needs[action] - set(span.start.needs):
             start = max(start, self.at[fact])
         end = start + (least_length(span))
         self.started[action], self.ended[action] = start, end
@@ -130,9 +137,30 @@ class Paths:
                 soonest = min(self.finished[action] for action in actions)
                 self.done[fact] = max(self.done.get(fact, Fraction(0)), soonest)
         for action in self.ended:
-            needs = self._needs(self.task.spans[action])
-            latest = max((self.done.get(fact, Fraction(0)) for fact in needs), default=Fraction(0))
+            latest = max(
+                (self.done.get(fact, Fraction(0)) for fact in self.needs[action]),
+                default=Fraction(0),
+            )
             self.finished[action] = max(self.ended[action], latest)
+
+
+def mutual_holds(spans: Sequence[Span]) -> dict[int, set[int]]:
+    """For each action the facts that it holds and that a start may add together with its own
+    start: two actions may each hold what the start of the other adds.
+    """
+    starters: dict[int, list[int]] = {}
+    for action, span in enumerate(spans):
+        for fact in span.start.adds if span.holds else ():
+            starters.setdefault(fact, []).append(action)
+    # facts are negative in the graph, and point at the actions whose starts add them
+    graph: dict[int, list[int]] = {-1 - fact: actions for fact, actions in starters.items()}
+    for action in {each for actions in starters.values() for each in actions}:
+        graph[action] = [-1 - fact for fact in spans[action].holds if fact in starters]
+    result: dict[int, set[int]] = {}
+    for component in strong_components(graph):
+        facts = {-1 - vertex for vertex in component if vertex < 0}
+        result |= {vertex: facts for vertex in component if vertex >= 0 and facts}
+    return result
 
 
 def least_length(span: Span) -> Fraction:

@@ -1,7 +1,7 @@
 """Ground conditions as alternatives of literals and numeric tests; constant parts are evaluated."""
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
@@ -15,6 +15,7 @@ from cellwright.engine.model.temporal import (
     TIMES,
     VALUE,
     NumericTest,
+    NumericUpdate,
     Program,
 )
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -66,10 +67,13 @@ class Surroundings:
     """
 
     possible: Callable[[Atom], bool]  # the atom is true in some state
-    avoidable: Callable[[Atom], bool]  # the atom is false in some state
+    # the atom is false in some state, or made true although it is
+    avoidable: Callable[[Atom], bool]
+    untouched: Callable[[Atom], bool]  # nothing makes the atom false, not even where it is
     constants: Mapping[Function, Fraction]  # the numbers that never change
     numbers: Mapping[Function, int]  # the others
     members: Callable[[str], list[str]]
+    unset: Set[int] = frozenset()  # the numbers that have no value at the start
 
     def alternatives(self, condition: Condition, bindings: Bindings) -> Alternatives:
         """The condition as alternatives; an empty tuple if it is never true."""
@@ -113,10 +117,36 @@ class Surroundings:
     def _literal(self, atom: Atom, positive: bool) -> Alternatives:
         can, always = self.possible(atom), not self.avoidable(atom)
         if not positive:
-            can, always = (not always, not can)
+            can, always = (not always, not can and self.untouched(atom))
         if always:
             return (TRUE_CONJUNCTION,)
         return (Conjunction(frozenset([(atom, positive)]), ()),) if can else ()
+
+    def choices_read(
+        self, condition: Condition, bindings: Bindings, chosen: bool = False
+    ) -> Iterator[Atom | Program]:
+        """The atoms and the numbers that a condition reads as one of several alternatives."""
+        match condition:
+            case And(parts) | Or(parts):
+                several = chosen or isinstance(condition, Or)
+                for part in parts:
+                    yield from self.choices_read(part, bindings, several)
+            case Not(part):
+                yield from self.choices_read(negation(part), bindings, chosen)
+            case Exists(parameters, part) | ForAll(parameters, part):
+                several = chosen or isinstance(condition, Exists)
+                for own in self.bindings(parameters, bindings):
+                    yield from self.choices_read(part, own, several)
+            case _ if chosen:
+                yield from self._read_by(condition, bindings)
+
+    def _read_by(self, condition: Condition, bindings: Bindings) -> Iterator[Atom | Program]:
+        """The atom of a literal, or both sides of a comparison of numbers."""
+        if isinstance(condition, Literal):
+            yield substitute_atom(condition.atom, bindings)
+        elif isinstance(condition, Comparison) and condition.exact:
+            sides = (self.program(side, bindings) for side in (condition.left, condition.right))
+            yield from (program for program in sides if program is not None)
 
     def _numeric(self, condition: Comparison, bindings: Bindings) -> Alternatives:
         left, right = (self.program(side, bindings) for side in (condition.left, condition.right))
@@ -147,6 +177,33 @@ class Surroundings:
                 return None if value_ is None else ((CONSTANT, value_),)
             case _:
                 raise TypeError(f"{term} is no number")
+
+    def with_values(
+        self, alternatives: Alternatives, updates: Iterable[NumericUpdate]
+    ) -> Alternatives:
+        """The alternatives, and that each number which the updates read has a value."""
+        tests = dict.fromkeys(test for update in updates for test in self.value_tests(update))
+        needed = Conjunction(frozenset(), tuple(tests))
+        return tuple(together(part, needed) for part in alternatives) if tests else alternatives
+
+    def value_tests(self, update: NumericUpdate) -> Iterator[NumericTest]:
+        """What must hold for a change of a number to have a value. A square is not below 0,
+        unless it has no value.
+        """
+        programs = [update.program]
+        if update.kind != "assign":
+            programs.append(((VALUE, update.number),))
+        for program in programs:
+            if self.may_lack_value(program):
+                yield NumericTest(">=", joined(TIMES, program, program))
+        if update.kind == "scale-down":
+            yield NumericTest("!=", update.program)
+
+    def may_lack_value(self, program: Program) -> bool:
+        """Whether a program reads what may have no value, or divides by what may be 0."""
+        reads = any(sign == VALUE and value in self.unset for sign, value in program)
+        pairs = itertools.pairwise(program)
+        return reads or any(two[0] == OVER and one[0] != CONSTANT for one, two in pairs)
 
     def _all(self, parts: list[Alternatives]) -> Alternatives:
         result: Alternatives = (TRUE_CONJUNCTION,)

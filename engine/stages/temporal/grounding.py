@@ -10,6 +10,7 @@ from fractions import Fraction
 from cellwright.engine.model.temporal import (
     CONSTANT,
     LENGTH,
+    VALUE,
     GroundTimes,
     Happening,
     NumericTest,
@@ -38,7 +39,9 @@ from cellwright.kb.model.durative import (
     Moment,
     NumericChange,
     TemporalProblem,
+    TimedChange,
     TimedEffect,
+    decimals,
 )
 from cellwright.kb.terms import Atom, Function, substitute_atom
 
@@ -55,6 +58,9 @@ def ground_times(problem: TemporalProblem) -> GroundTimes:
     return _Grounding(problem, reach(problem)).result()
 
 
+Readings = dict[Moment, tuple[tuple[Atom, ...], tuple[int, ...]]]
+
+
 @dataclass
 class _Draft:
     """An instance before its facts are numbered."""
@@ -63,6 +69,7 @@ class _Draft:
     conditions: dict[Moment, Conjunction]
     changes: dict[Moment, dict[Atom, bool]]
     updates: dict[Moment, list[NumericUpdate]] = field(default_factory=dict)
+    read: Readings = field(default_factory=dict)
     shortest: Program = ZERO
     longest: Program | None = None
     instantaneous: bool = False
@@ -78,11 +85,20 @@ class _Grounding:
             each: value for each, value in problem.values.items() if each.name not in changing
         }
         self.numbers: dict[Function, int] = {}
+        # the numbers that have no value at the start, and those without one after timed changes
+        self.unset: set[int] = set()
+        self.unset_later: set[int] = set()
         for fluent in problem.values:
             if fluent.name in changing:
                 self.numbers[fluent] = len(self.numbers)
         self.around = Surroundings(
-            self._possible, self._avoidable, values, self.numbers, self._members
+            self._possible,
+            self._avoidable,
+            self._untouched,
+            values,
+            self.numbers,
+            self._members,
+            self.unset,
         )
 
     def _changed(self, positive: bool) -> set[str]:
@@ -101,7 +117,11 @@ class _Grounding:
         return atom in self.reached.atoms
 
     def _avoidable(self, atom: Atom) -> bool:
-        return atom.name in self.deleted or atom not in self.problem.initial
+        changing = atom.name in self.deleted or atom.name in self.added
+        return changing or atom not in self.problem.initial
+
+    def _untouched(self, atom: Atom) -> bool:
+        return atom.name not in self.deleted
 
     def _members(self, type_: str) -> list[str]:
         if type_ not in self.members:
@@ -127,14 +147,15 @@ class _Grounding:
 
     def _assigned(self) -> None:
         """Numbers that have no value at the start, but that some effect assigns, are numbers,
-        too.
+        too. What nothing assigns never has a value.
         """
+        known = len(self.numbers)
         names = [Function(name) for name in self.reached.objects]
         for action, rows in zip(self.problem.actions, self.reached.instances, strict=True):
             variables = [parameter.variable for parameter in action.parameters]
             for effect in action.effects:
                 change = effect.change
-                if not isinstance(change, NumericChange):
+                if not isinstance(change, NumericChange) or change.kind != "assign":
                     continue
                 for row in rows:
                     outer = dict(zip(variables, (names[number] for number in row), strict=True))
@@ -143,8 +164,9 @@ class _Grounding:
                             substitute_atom(change.fluent, own), len(self.numbers)
                         )
         for timed in self.problem.changes:
-            if isinstance(timed.change, NumericChange):
+            if isinstance(timed.change, NumericChange) and timed.change.kind == "assign":
                 self.numbers.setdefault(timed.change.fluent, len(self.numbers))
+        self.unset.update(range(known, len(self.numbers)))
 
     def _numbered(
         self, drafts: list[_Draft], plain: list["_Instance"], facts: Facts, goals: list[Conjunction]
@@ -155,6 +177,9 @@ class _Grounding:
                 sorted(part.literals, key=_literal_key) if len(part.literals) > 1 else part.literals
             ):
                 facts.setdefault(literal, len(facts))
+        for atom in (*self._read_only(drafts), *self._contended(drafts, plain)):
+            if (atom, False) not in facts:
+                facts.setdefault((atom, True), len(facts))
         numbering = _Numbering(facts)
         initial = {
             number
@@ -177,7 +202,35 @@ class _Grounding:
             self.problem.epsilon,
         )
 
+    def _read_only(self, drafts: list[_Draft]) -> list[Atom]:
+        """Atoms that conditions read as alternatives, and that something changes."""
+        read = dict.fromkeys(
+            atom for draft in drafts for atoms, _ in draft.read.values() for atom in atoms
+        )
+        return [atom for atom in read if atom.name in self.added | self.deleted]
+
+    def _contended(self, drafts: list[_Draft], plain: list["_Instance"]) -> list[Atom]:
+        """Atoms that some instants make true and others false: these are apart, also where no
+        condition reads the atoms.
+        """
+        names = self.added & self.deleted
+        rows: dict[PlainAction, list[tuple[int, ...]]] = {}
+        for action, row, _, _ in plain:
+            rows.setdefault(action, []).append(row)
+        changes = [
+            pair for action, own in rows.items() for pair in action.changed_atoms(own, names)
+        ]
+        changes += [
+            pair for draft in drafts for atoms in draft.changes.values() for pair in atoms.items()
+        ]
+        timed = (event.change for event in self.problem.changes)
+        changes += [(fact.atom, fact.positive) for fact in timed if isinstance(fact, Literal)]
+        added = dict.fromkeys(atom for atom, positive in changes if positive)
+        deleted = {atom for atom, positive in changes if not positive}
+        return [atom for atom in added if atom in deleted]
+
     def _timed(self) -> Iterator[tuple[Fraction, tuple[dict[Atom, bool], list[NumericUpdate]]]]:
+        self.unset_later = set(self.unset)
         for at, group in itertools.groupby(self.problem.changes, key=lambda each: each.at):
             atoms: dict[Atom, bool] = {}
             updates: list[NumericUpdate] = []
@@ -187,14 +240,22 @@ class _Grounding:
                         atoms.get(each.change.atom, False) or each.change.positive
                     )
                 else:
-                    program = self.around.program(each.change.amount, {})
-                    number = self.numbers[each.change.fluent]
-                    updates += (
-                        [NumericUpdate(each.change.kind, number, program)]
-                        if program is not None
-                        else []
-                    )
+                    updates.append(self._timed_update(each, each.change))
+            self.unset_later -= {update.number for update in updates}
             yield at, (atoms, updates)
+
+    def _timed_update(self, timed: TimedChange, change: NumericChange) -> NumericUpdate:
+        """The change of a number by itself. Raises `InvalidInput` if it may have no value."""
+        program = self.around.program(change.amount, {})
+        number = self.numbers.get(change.fluent)
+        if program is not None and number is not None:
+            update = NumericUpdate(change.kind, number, program)
+            around = replace(self.around, unset=self.unset_later)
+            if not any(around.value_tests(update)):
+                return update
+        said = f"what {change.fluent} becomes at {decimals(timed.at)} may have no value"
+        hint = "give what it reads a value in :init"
+        raise InvalidInput([Diagnostic(timed.where, "K802", said, hint)])
 
 
 _Instance = tuple[
@@ -237,7 +298,12 @@ class _Numbering:
         part = draft.conditions.get(moment, TRUE_CONJUNCTION)
         adds, deletes = self._effects(draft.changes.get(moment, {}))
         updates = tuple(draft.updates.get(moment, ()))
-        return Happening(self.literals(part), adds, deletes, part.tests, updates)
+        needs = self.literals(part)
+        atoms, numbers = draft.read.get(moment, ((), ()))
+        both = ((atom, positive) for atom in atoms for positive in (True, False))
+        read = {self.facts[literal] for literal in both if literal in self.facts}
+        facts_read = tuple(sorted(read.difference(needs)))
+        return Happening(needs, adds, deletes, part.tests, updates, facts_read, numbers)
 
     def span(self, draft: _Draft) -> Span:
         """An instance over numbered facts."""
@@ -279,7 +345,8 @@ class _Schema:
             return
         shortest, longest = limits
         name = Function(self.action.name, tuple(arguments))
-        base = _Draft(name, {}, {}, {}, shortest, longest, self.action.instantaneous)
+        read = {moment: self._read(moment, own) for moment in (START, END)}
+        base = _Draft(name, {}, {}, {}, read, shortest, longest, self.action.instantaneous)
         effects = self._conditional(own)
         count = 0
         for happening in itertools.product((True, False), repeat=len(effects)):
@@ -309,6 +376,29 @@ class _Schema:
                 if not result[moment]:
                     return None
         return result
+
+    def _read(self, moment: Moment, own: Bindings) -> tuple[tuple[Atom, ...], tuple[int, ...]]:
+        """The atoms and numbers that the conditions of one instant read without needing them.
+
+        Whether a conditional effect happens is a choice, too.
+        """
+        parts = [
+            self.around.choices_read(each.condition, own)
+            for each in self.action.conditions
+            if each.moment is moment
+        ]
+        parts += [
+            self.around.choices_read(each.condition, inner, True)
+            for effect in self.conditional
+            for each in effect.when
+            if each.moment is moment
+            for inner in self.around.bindings(effect.parameters, own)
+        ]
+        read = list(dict.fromkeys(itertools.chain.from_iterable(parts)))
+        programs = (each for each in read if not isinstance(each, Function))
+        numbers = {int(value) for program in programs for sign, value in program if sign == VALUE}
+        atoms = tuple(each for each in read if isinstance(each, Function))
+        return atoms, tuple(sorted(numbers))
 
     def _limits(self, own: Bindings) -> tuple[Program, Program | None] | None:
         """The shortest and the longest duration; None if they contradict each other or have no
@@ -411,7 +501,14 @@ class _Schema:
         own: Bindings,
         happened: list[tuple[TimedEffect, Bindings]],
     ) -> Iterator[_Draft]:
-        changes, updates = self._effects(own, happened)
+        effects = self._effects(own, happened)
+        if effects is None:
+            return
+        changes, updates = effects
+        conditions = dict(conditions)
+        for moment, listed in updates.items():
+            before = conditions.get(moment, (TRUE_CONJUNCTION,))
+            conditions[moment] = self.around.with_values(before, listed)
         moments = list(conditions)
         for chosen in itertools.product(*conditions.values()):
             if any(map(contradictory, chosen)):
@@ -426,8 +523,8 @@ class _Schema:
 
     def _effects(
         self, own: Bindings, happened: list[tuple[TimedEffect, Bindings]]
-    ) -> tuple[dict[Moment, dict[Atom, bool]], dict[Moment, list[NumericUpdate]]]:
-        """What happens at each moment.
+    ) -> tuple[dict[Moment, dict[Atom, bool]], dict[Moment, list[NumericUpdate]]] | None:
+        """What happens at each moment; None if it reads a number that never has a value.
 
         An atom that is both deleted and added at one instant is true afterwards.
         """
@@ -448,9 +545,10 @@ class _Schema:
                 changes[effect.moment][atom] = before or change.positive
                 continue
             program = self.around.program(change.amount, inner)
-            number = self.around.numbers[substitute_atom(change.fluent, inner)]
-            if program is not None:
-                updates[effect.moment].append(NumericUpdate(change.kind, number, program))
+            number = self.around.numbers.get(substitute_atom(change.fluent, inner))
+            if program is None or number is None:
+                return None
+            updates[effect.moment].append(NumericUpdate(change.kind, number, program))
         return changes, updates
 
     def _with_length(self, draft: _Draft) -> _Draft:

@@ -38,7 +38,7 @@ cdef class InstantSearch:
     cdef readonly long long expanded, best, bound
     cdef public long long tie
     cdef public double weight
-    cdef public int greedy, revisit, cut, newest_first
+    cdef public int greedy, cut, newest_first
     cdef long long pushed
     cdef long long boost_every, boost_preferred
     cdef int at, first

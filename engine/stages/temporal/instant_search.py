@@ -89,7 +89,7 @@ class InstantSearch:
         self.expanded = self.best = 0
         self.tie = 1
         self.weight = 1.0
-        self.greedy = self.revisit = self.cut = self.newest_first = 0
+        self.greedy = self.cut = self.newest_first = 0
         self.pushed = 0
         self.path = zero_ints(4096)
 
@@ -178,9 +178,7 @@ class InstantSearch:
             return NO_GOAL
         line = self.line
         self.at = node
-        if line.makespan >= self.bound or not self.seen.better(
-            line.digest(), line.makespan if self.revisit else 0
-        ):
+        if line.makespan >= self.bound or not self.seen.better(line.digest(), 0):
             return NO_GOAL
         self.expanded += 1
         cost = self.guide.evaluate(line)

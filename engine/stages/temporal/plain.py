@@ -5,7 +5,8 @@ What `grounding` does with formulas is done here with tables: each literal of an
 the objects of its own arguments, whether it is always true, never true or a fact.
 """
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -134,6 +135,14 @@ class PlainAction:
         if high is not None and high < low:
             return None
         return ((CONSTANT, low),), None if high is None else ((CONSTANT, high),)
+
+    def changed_atoms(self, rows: Sequence[Row], names: Set[str]) -> Iterator[tuple[Atom, bool]]:
+        """The atoms of some predicates that instances make true or false."""
+        for template in itertools.chain.from_iterable(self.changes.values()):
+            if template.atom.name in names:
+                columns = template.columns
+                for key in dict.fromkeys(tuple([row[c] for c in columns]) for row in rows):
+                    yield self._ground(template, key), template.positive
 
     def span(
         self, row: Row, needs: Sequence[tuple[int, ...]], limits: tuple[Program, Program | None]

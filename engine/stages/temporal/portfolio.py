@@ -33,12 +33,15 @@ STALE_ROUNDS = 40
 class Manner:
     """How a search weighs the end of its relaxed plans, how much relaxed plans prefer what is
     soon, and what it may try.
+
+    With `lags`, states differ where actions that must end in time have begun at other times.
     """
 
     weight: float
     slope: float
     greedy: bool = False
     newest: bool = False
+    lags: bool = False
 
 
 FIRST = (  # the manners that seek a first plan, one after another
@@ -47,6 +50,7 @@ FIRST = (  # the manners that seek a first plan, one after another
     Manner(0.25, 0.75),
     Manner(0, 0.1),
     Manner(3, 2),
+    Manner(0, 0, lags=True),
 )
 MANNERS = (
     *FIRST,
@@ -116,6 +120,11 @@ class Turns:
         self.makespan = UNREACHED
         self.floor = -(-bound.numerator * arrays.scale // bound.denominator)
         self.counts = {"searches": 0, "expansions": 0, "moves": 0}
+        # whether other actions can come between the start and the end of one that must end in time
+        self.lagged = any(
+            span.longest is not None and not whole
+            for span, whole in zip(task.spans, arrays.whole, strict=True)
+        )
         self.ratio = self._choose_goal()
 
     def _choose_goal(self) -> float:
@@ -137,7 +146,7 @@ class Turns:
         """A first plan, then better ones."""
         turn = FIRST_TURN
         while self.best is None and not self.poll.check() and self.counts["expansions"] < most:
-            for manner in FIRST if turn < MANY else MANNERS:
+            for manner in self._manners(FIRST if turn < MANY else MANNERS):
                 for _, _, place in self.alternatives[:4]:
                     self.guide.goals = self.arrays.goals(place)
                     self._search((), manner, turn)
@@ -156,6 +165,7 @@ class Turns:
         search = self.search
         search.weight, self.guide.slope = manner.weight * self.ratio, manner.slope * self.ratio
         search.greedy, search.newest_first, search.cut = manner.greedy, manner.newest, cut
+        self.line.keeps_lags = manner.lags
         search.tie = self.random.randrange(1, 1 << 30)
         codes = search.run(prefix, self.makespan, most, MAX_NODES)
         self.counts["searches"] += 1
@@ -204,7 +214,7 @@ class Turns:
 
     def _improve(self, thorough: bool, most: int) -> None:
         """Turns for what may make the plan shorter, until nothing does."""
-        for manner in FIRST:
+        for manner in self._manners(FIRST):
             if self.makespan > self.floor and self.counts["expansions"] < most:
                 self._search((), manner, SWEEP)
         stale, step = 0, 0
@@ -227,9 +237,13 @@ class Turns:
             step += 1
             stale = 0 if self.makespan < before else stale + 1
 
+    def _manners(self, manners: Sequence[Manner]) -> list[Manner]:
+        """Those of the manners that can make a difference."""
+        return [manner for manner in manners if self.lagged or not manner.lags]
+
     def _manner(self) -> Manner:
         """One of the manners, with other weights."""
-        base = self.random.choice(MANNERS)
+        base = self.random.choice(self._manners(MANNERS))
         factor = 4 ** self.random.uniform(-1, 1)
         weight = base.weight * factor + (0.02 if self.random.random() < 0.3 else 0)
         return Manner(
@@ -237,6 +251,7 @@ class Turns:
             base.slope * 4 ** self.random.uniform(-1, 1),
             base.greedy,
             self.random.random() < 0.5,
+            base.lags,
         )
 
     def _from_within(self, most: int) -> None:
@@ -250,7 +265,7 @@ class Turns:
         assert self.best is not None
         codes, makespan = list(self.best), self.makespan
         for _ in range(tries):
-            if self.poll.due(200_000):
+            if not codes or self.poll.due(200_000):
                 return
             self.counts["moves"] += 1
             other = self._moved(codes)

@@ -1,11 +1,15 @@
 """The reachable action instances and atoms of a problem in time, if nothing ever became false;
 computed by clingo.
+
+The start of an instance comes before its end: what only the end needs may be a consequence of the
+start, as where an action spans all that must be done within a time.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from cellwright.kb.asp import Grounder
+from cellwright.kb.graphs import strong_components
 from cellwright.kb.model.conditions import And, Comparison, Condition, Literal, goal_parts
 from cellwright.kb.model.durative import DurativeAction, Moment, TemporalProblem, TimedEffect
 from cellwright.kb.terms import Atom, Function, Term, Variable
@@ -46,6 +50,7 @@ class _Program:
     def __init__(self, problem: TemporalProblem, numbers: dict[str, int]) -> None:
         self.problem, self.numbers = problem, numbers
         self.arities: dict[str, int] = {}
+        self.mutual = mutual_predicates(problem.actions)
 
     def text(self) -> Iterator[str]:
         """The statements: types, facts, instances and what they add."""
@@ -76,35 +81,74 @@ class _Program:
         return str(self.numbers[term.name])
 
     def _action(self, index: int, action: DurativeAction) -> Iterator[str]:
+        """The rules of one action: s0 is its start, a0 all of it."""
         inner = ",".join(self._term(parameter.variable) for parameter in action.parameters)
-        head = f"a{index}({inner})" if inner else f"a{index}"
-        body = [
+        start, whole = (f"{name}{index}({inner})" if inner else f"{name}{index}" for name in "sa")
+        types = [
             f"t_{parameter.type}({self._term(parameter.variable)})"
             for parameter in action.parameters
         ]
-        body += dict.fromkeys(self._needs(action))
-        yield f"{head} :- {', '.join(body)}." if body else f"{head}."
+        yield _rule(start, [*types, *self._needs(action, index, early=True)])
+        yield _rule(whole, [start, *self._needs(action, index, early=False)])
         for effect in action.effects:
-            if isinstance(effect.change, Literal) and effect.change.positive:
+            if (atom := _added(effect)) is not None:
                 guards = [f"t_{p.type}({self._term(p.variable)})" for p in effect.parameters]
-                yield f"{self._atom(effect.change.atom)} :- {', '.join([head, *guards])}."
+                cause = start if effect.moment is Moment.START else whole
+                yield _rule(self._atom(atom), [cause, *guards])
 
-    def _needs(self, action: DurativeAction) -> Iterator[str]:
-        """The literals that an instance needs of others: not those that its own start may add."""
-        own = {_predicate(effect) for effect in action.effects if effect.moment is Moment.START}
+    def _needs(self, action: DurativeAction, index: int, early: bool) -> Iterator[str]:
+        """The literals that the start of an instance needs, or those that the end needs beside
+        them.
+        """
         for timed in action.conditions:
             for part in _conjuncts(timed.condition):
                 if isinstance(part, Literal) and part.positive:
-                    if timed.moment is Moment.START or part.atom.name not in own:
+                    late = timed.moment is Moment.END or (
+                        timed.moment is Moment.THROUGHOUT
+                        and part.atom.name in self.mutual.get(index, ())
+                    )
+                    if late != early:
                         yield self._atom(part.atom)
-                elif (
-                    isinstance(part, Comparison) and not part.exact and part.relation in ("=", "!=")
-                ):
+                elif early and isinstance(part, Comparison) and not part.exact:
                     yield f"{self._term(part.left)} {part.relation} {self._term(part.right)}"
 
 
-def _predicate(effect: TimedEffect) -> str:
-    return effect.change.atom.name if isinstance(effect.change, Literal) else ""
+def _rule(head: str, body: list[str]) -> str:
+    return f"{head} :- {', '.join(dict.fromkeys(body))}." if body else f"{head}."
+
+
+def mutual_predicates(actions: Sequence[DurativeAction]) -> dict[int, set[str]]:
+    """For each action by its number: what it holds over all and what a start adds that may have
+    to come together with its own start.
+
+    Two actions may each hold what the start of the other adds. They begin at one instant.
+    """
+    graph: dict[int | str, list[int | str]] = {}
+    for index, action in enumerate(actions):
+        graph[index] = [
+            part.atom.name
+            for timed in action.conditions
+            if timed.moment is Moment.THROUGHOUT
+            for part in _conjuncts(timed.condition)
+            if isinstance(part, Literal) and part.positive
+        ]
+        for effect in action.effects:
+            if effect.moment is Moment.START and (atom := _added(effect)) is not None:
+                graph.setdefault(atom.name, []).append(index)
+    for targets in list(graph.values()):
+        for vertex in targets:
+            graph.setdefault(vertex, [])
+    result: dict[int, set[str]] = {}
+    for component in strong_components(graph):
+        names = {vertex for vertex in component if isinstance(vertex, str)}
+        result |= {vertex: names for vertex in component if isinstance(vertex, int)}
+    return result
+
+
+def _added(effect: TimedEffect) -> Atom | None:
+    """The atom that an effect makes true."""
+    change = effect.change
+    return change.atom if isinstance(change, Literal) and change.positive else None
 
 
 def _conjuncts(condition: Condition) -> tuple[Condition, ...]:

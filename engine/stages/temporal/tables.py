@@ -23,10 +23,12 @@ from cellwright.engine.model.temporal import (
     NumericUpdate,
     Program,
     Span,
+    TimedHappening,
 )
 from cellwright.engine.stages.temporal.formulas import constant
 from cellwright.engine.stages.temporal.postfix_programs import PostfixPrograms
 from cellwright.engine.stages.temporal.windows import Windows
+from cellwright.kb.terms import Function
 
 # parts of the unit of time that the search may distinguish
 DECIMAL_UNITS = (10**3, 10**4, 10**5, 10**6)
@@ -51,12 +53,15 @@ class Tables:
 def scale_of(task: GroundTimes) -> int:
     """The parts of a unit of time in which all fixed times are whole.
 
-    Those that no decimal says exactly are rounded.
+    Those that no decimal says exactly are rounded, and so are those that numbers say: these may be
+    of any size, so the parts are the smallest.
     """
     programs = [
         program for span in task.spans for program in (span.shortest, span.longest) if program
     ]
     fixed = [value for program in programs if (value := constant(program)) is not None]
+    if len(fixed) < len(programs):
+        return DECIMAL_UNITS[-1]
     times = [task.epsilon, *fixed, *(timed.at for timed in task.timed)]
     exact = math.lcm(*(time.denominator for time in times))
     return next((scale for scale in DECIMAL_UNITS if scale % exact == 0), DECIMAL_UNITS[-1])
@@ -97,7 +102,9 @@ class _Builder:
         2009).
         """
         sure = {*span.holds, *span.start.adds}
-        plain = not span.end.deletes and not span.end.tests and set(span.end.needs) <= sure
+        end = span.end
+        plain = not end.deletes and not end.tests and set(end.needs) <= sure
+        plain = plain and not end.facts_read and not end.numbers_read
         counted = any(update.number in self.read for update in span.end.updates)
         return span.instantaneous or (plain and not counted)
 
@@ -112,15 +119,18 @@ class _Builder:
         )
         parts.changes, parts.scale = len(timed), float(self.scale)
         parts.epsilon = self._units(self.task.epsilon)
-        for name, row in (("needs", "needs"), ("adds", "adds"), ("deletes", "deletes")):
-            setattr(parts, name, PackedRows([getattr(span.start, row) for span in spans]))
-            setattr(parts, f"end_{name}", PackedRows([getattr(span.end, row) for span in spans]))
+        for name in ("needs", "adds", "deletes", "facts_read", "numbers_read"):
+            setattr(parts, name, PackedRows([getattr(span.start, name) for span in spans]))
+            setattr(parts, f"end_{name}", PackedRows([getattr(span.end, name) for span in spans]))
         parts.holds = PackedRows([span.holds for span in spans])
         parts.timed_adds = PackedRows([each.happening.adds for each in timed])
         parts.timed_deletes = PackedRows([each.happening.deletes for each in timed])
         parts.timed_at = array("q", [*(self._units(each.at) for each in timed), 0])
         parts.whole = array("i", [*map(int, self.whole), 0])
         parts.instant = array("i", [*(int(span.instantaneous) for span in spans), 0])
+        # variants of one instance have one number
+        numbers: dict[Function, int] = {}
+        parts.names = array("i", [*(numbers.setdefault(s.name, len(numbers)) for s in spans), 0])
         parts.initial = array(
             "b", [int(fact in self.task.initial) for fact in range(parts.facts)] + [0]
         )
@@ -237,6 +247,7 @@ class _Builder:
         parts.end_of = array("i", [*range(len(spans)), *ends, 0])
         parts.weights = array("q", [1] * (parts.operators + 1))
         parts.goals = PackedRows([[]])
+        parts.timed_gives = PackedRows([self._timed_gives(parts, each) for each in self.task.timed])
         self._nudges(parts)
 
     def _operators(
@@ -260,6 +271,12 @@ class _Builder:
             early.append([])
             late.append(list(span.end.adds))
         return needs, early, late
+
+    def _timed_gives(self, parts: SimpleNamespace, timed: TimedHappening) -> list[int]:
+        """The facts that become true by themselves, with the tests that may."""
+        changed = {update.number for update in timed.happening.updates}
+        tests = [test for test in self.tests if changed.intersection(_numbers(test.program))]
+        return [*timed.happening.adds, *(parts.fact_of_test[test] for test in tests)]
 
     def _nudges(self, parts: SimpleNamespace) -> None:
         """What each operator does for each test, in one application; 0 if that cannot be told."""

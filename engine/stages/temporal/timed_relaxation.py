@@ -44,7 +44,7 @@ class TimedRelaxation:
         self.nudge_by = parts.nudge_by
         self.tests = parts.tests
         self.goals = parts.goals
-        self.timed_adds = parts.timed_adds
+        self.timed_adds = parts.timed_gives
         self.timed_at = parts.timed_at
         self.changes = parts.changes
         self.no_needs = parts.no_needs

@@ -12,8 +12,11 @@ cdef class Timeline(TemporalNetwork):
     cdef readonly int facts, actions, numbers, cells, opened, passed
     cdef double scale
     cdef PackedRows needs, adds, deletes, holds, end_needs, end_adds, end_deletes, timed_adds, timed_deletes
+    cdef PackedRows facts_read, numbers_read, end_facts_read, end_numbers_read
+    cdef public int keeps_lags
     cdef PackedRows start_tests, hold_tests, end_tests, test_numbers, start_updates, end_updates, timed_updates
     cdef PackedRows update_reads
+    cdef int[::1] names, last_start, last_end
     cdef int[::1] whole, instant, least_program, most_program, test_program, test_relation
     cdef int[::1] update_kind, update_number, update_program
     cdef long long[::1] least, most, timed_at
@@ -38,6 +41,9 @@ cdef class Timeline(TemporalNetwork):
 
     @cython.locals(cell=int, ender=int)
     cdef void _read_fact(self, int fact, int node)
+
+    @cython.locals(place=int, fact=int)
+    cdef void _read_choices(self, PackedRows facts, PackedRows numbers, int action, int node)
 
     @cython.locals(cell=int)
     cdef void _hold_fact(self, int fact, int start, int end)
@@ -90,6 +96,9 @@ cdef class Timeline(TemporalNetwork):
     @cython.locals(least="long long", most="long long", start=int, end=int)
     cdef bint _add_instants(self, int action)
 
+    @cython.locals(name=int)
+    cdef void _follow_itself(self, int action, int start, int end)
+
     @cython.locals(place=int, test=int, index=int)
     cdef bint _hold_conditions(self, int action, int start, int end)
 
@@ -111,7 +120,7 @@ cdef class Timeline(TemporalNetwork):
     @cython.locals(place=int, node=int, fact=int, later=int, index=int)
     cdef bint _pass_change(self, int change)
 
-    @cython.locals(total="long long", fact=int, place=int, number=int, value=double)
+    @cython.locals(total="long long", fact=int, place=int, number=int, action=int, value=double)
     cpdef long long digest(self)
 
     @cython.locals(mixed="unsigned long long")

@@ -35,6 +35,11 @@ class Timeline(TemporalNetwork):
         self.end_needs = parts.end_needs
         self.end_adds = parts.end_adds
         self.end_deletes = parts.end_deletes
+        self.facts_read = parts.facts_read
+        self.numbers_read = parts.numbers_read
+        self.end_facts_read = parts.end_facts_read
+        self.end_numbers_read = parts.end_numbers_read
+        self.keeps_lags = 0
         self.timed_adds = parts.timed_adds
         self.timed_deletes = parts.timed_deletes
         self.whole = parts.whole
@@ -61,6 +66,7 @@ class Timeline(TemporalNetwork):
         self.timed_at = parts.timed_at
         self.initial = parts.initial
         self.values = parts.values
+        self.names = parts.names
         self._rooms()
         self.reset()
 
@@ -89,6 +95,7 @@ class Timeline(TemporalNetwork):
             zero_ints(self.actions),
             zero_ints(self.actions),
         )
+        self.last_start, self.last_end = zero_ints(self.actions), zero_ints(self.actions)
         self.open_list = zero_ints(self.actions + 1)
         self.cell_room = 8192
         self.first_added = self.last_added = 0
@@ -110,7 +117,7 @@ class Timeline(TemporalNetwork):
             self.changer[number] = self.number_readers[number] = self.number_holders[number] = -1
             self.changed_by_sum[number] = 0
         for action in range(self.actions):
-            self.open_at[action] = -1
+            self.open_at[action] = self.last_start[action] = -1
         self._add_node()
         for change in range(self.changes):
             node = self._add_node()
@@ -152,6 +159,20 @@ class Timeline(TemporalNetwork):
             cell = self.cell_next[cell]
         if self.due[fact] >= 0:
             self._add_edge(node, self.due[fact], self.epsilon)
+
+    def _read_choices(
+        self, facts: "PackedRows", numbers: "PackedRows", action: int, node: int
+    ) -> None:
+        """A node reads facts, true or not, and numbers: after and before who changes them."""
+        for place in range(facts.starts[action], facts.starts[action + 1]):
+            fact = facts.items[place]
+            if self.adder[fact] >= 0 and self.adder[fact] != node:
+                self._add_edge(self.adder[fact], node, self.epsilon)
+            if self.deleter[fact] >= 0 and self.deleter[fact] != node:
+                self._add_edge(self.deleter[fact], node, self.epsilon)
+            self.readers[fact] = self._add_cell(node, node, self.readers[fact])
+        for place in range(numbers.starts[action], numbers.starts[action + 1]):
+            self._read_number(numbers.items[place], node)
 
     def _hold_fact(self, fact: int, start: int, end: int) -> None:
         """An action needs a fact between two nodes."""
@@ -350,6 +371,7 @@ class Timeline(TemporalNetwork):
         if not self.applicable(action) or not self._add_instants(action):
             return False
         start, end = self.first_added, self.last_added
+        self._follow_itself(action, start, end)
         if not self._apply_start(action, start) or not self._hold_conditions(action, start, end):
             return False
         if self.instant[action] == 0:
@@ -362,6 +384,7 @@ class Timeline(TemporalNetwork):
         """Reads and changes the state as the start of an action does; False if a test fails."""
         for place in range(self.needs.starts[action], self.needs.starts[action + 1]):
             self._read_fact(self.needs.items[place], start)
+        self._read_choices(self.facts_read, self.numbers_read, action, start)
         if not self._check_tests(self.start_tests, action, start):
             return False
         for place in range(self.deletes.starts[action], self.deletes.starts[action + 1]):
@@ -393,6 +416,16 @@ class Timeline(TemporalNetwork):
                 self._add_edge(end, start, -most)
         self.first_added, self.last_added = start, end
         return True
+
+    def _follow_itself(self, action: int, start: int, end: int) -> None:
+        """An instance begins again only after its end: a plan is a set of steps, so two at one
+        time would be one.
+        """
+        name = self.names[action]
+        if self.last_start[name] >= 0:
+            self._add_edge(self.last_start[name], start, self.epsilon)
+            self._add_edge(self.last_end[name], start, 0)
+        self.last_start[name], self.last_end[name] = start, end
 
     def _hold_conditions(self, action: int, start: int, end: int) -> bool:
         """Whether all that must hold between two instants holds; it is kept until then."""
@@ -466,6 +499,7 @@ class Timeline(TemporalNetwork):
                 return False
         for place in range(self.end_needs.starts[action], self.end_needs.starts[action + 1]):
             self._read_fact(self.end_needs.items[place], end)
+        self._read_choices(self.end_facts_read, self.end_numbers_read, action, end)
         if not self._check_tests(self.end_tests, action, end):
             return False
         for place in range(self.end_deletes.starts[action], self.end_deletes.starts[action + 1]):
@@ -503,14 +537,18 @@ class Timeline(TemporalNetwork):
     def digest(self) -> int:
         """A number for the state: facts, numbers, open actions and what has passed.
 
-        Equal states have equal ones.
+        Equal states have equal ones. With `keeps_lags` states differ, too, where actions that
+        must end in time have begun at other times.
         """
         total = self.passed * 1000003 + 7
         for fact in range(self.facts):
             if self.state[fact]:
                 total ^= self._mix(fact + 1)
         for place in range(self.opened):
-            total ^= self._mix(self.facts + 17 + self.open_list[place])
+            action = self.open_list[place]
+            total ^= self._mix(self.facts + 17 + action)
+            if self.keeps_lags and (self.most[action] >= 0 or self.most_program[action] >= 0):
+                total ^= self._mix(self.times[self.open_start[action]] * 8191 + action)
         for number in range(self.numbers):
             value = self.amounts[number] * 4096.0
             if -1e17 < value < 1e17:

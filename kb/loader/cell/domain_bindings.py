@@ -141,7 +141,9 @@ def _read_operation(
     node: YamlNode,
 ) -> Operation:
     at = child_at(node, "at")
-    place = _operation_place(reader, findings, known, operator, at)
+    row = (at.value if at is not None and isinstance(at.value, list) else [at]) or [None]
+    place, *more = (_operation_place(reader, findings, known, operator, stop) for stop in row)
+    then = tuple(stop for stop in more if stop is not None)
     beside = child_at(node, "with")
     second_place, carried = (
         _operation_place(reader, findings, known, operator, beside),
@@ -165,10 +167,27 @@ def _read_operation(
             "nothing is dragged without a place",
             "give `at`: where it is gripped",
         )
+    if then:
+        _check_row(node, findings)
     takes = _duration_s(child_at(node, "takes"))
     stop = Ends(ends.value if ends else "outside")
     load = None if carried is None else _carried_body(reader, findings, known, operator, carried)
-    return Operation(operator, place, stop, drags, drives, takes, key.where, second_place, load)
+    return Operation(
+        operator, place, stop, drags, drives, takes, key.where, second_place, load, then
+    )
+
+
+def _check_row(node: YamlNode, findings: LoadFindings) -> None:
+    """Report what an operation with several places in a row cannot have."""
+    for field in ("with", "carries", "drags", "drives"):
+        other = child_at(node, field)
+        if other is not None:
+            findings.add(
+                other.where,
+                "K005",
+                f"`{field}` needs one place, and `at` has several in a row",
+                "make it an operator of its own",
+            )
 
 
 def _operation_place(

@@ -30,12 +30,17 @@ DEVICES = [
     "freezer",
     "furnace",
     "heater_shaker",
+    "incubator",
     "laser_tool",
+    "liquid_handler",
     "person",
     "plate_hotel",
+    "plate_reader",
     "rack",
+    "sealer",
     "tool_rack",
     "ultrasonic_tool",
+    "washer",
 ]
 TOGETHER = [tuple(random.Random(seed).choices(DEVICES, k=2 + seed % 4)) for seed in range(12)]
 

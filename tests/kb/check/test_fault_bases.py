@@ -156,7 +156,7 @@ def test_what_cannot_be_held_is_an_error_and_all_else_a_warning() -> None:
     assert all(each.warning for each in found)
 
 
-@pytest.mark.parametrize("domain", ["themse", "bulkhead"])
+@pytest.mark.parametrize("domain", ["themse", "bulkhead", "screening", "elisa"])
 def test_the_bundled_fault_bases_know_how_every_operator_can_fail(domain: str) -> None:
     folder = Path(__file__).parents[3] / "domains" / domain
     base, _ = load_faults(folder / "domain.yaml")

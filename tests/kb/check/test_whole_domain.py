@@ -28,7 +28,13 @@ def test_a_clean_domain_has_no_findings(cell: Path) -> None:
     assert codes(cell) == []
 
 
-@pytest.mark.parametrize("name", ["bulkhead", pytest.param("themse", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "bulkhead",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("themse", "screening", "elisa")),
+    ],
+)
 def test_the_bundled_domains_have_no_findings(name: str) -> None:
     assert domain_check.check_domain_files(name).diagnostics == ()
 

@@ -49,6 +49,6 @@ def test_the_times_of_the_page_are_understood(said: str, themse: Domain) -> None
         assert understand_command(themse, f"heat probe 1 for {time}").chains
 
 
-@pytest.mark.parametrize("name", ["themse", "bulkhead"])
+@pytest.mark.parametrize("name", ["themse", "bulkhead", "screening", "elisa"])
 def test_the_phrases_of_bundled_cells_are_sound(name: str) -> None:
     assert check_phrases(load_domain(name)) == []

@@ -27,8 +27,10 @@ CELLS: dict[str, Callable[[], Problem | Domain]] = {
     "dual": lambda: load_domain("dual"),
     "gauging": lambda: load_problem("gauging/wall"),
     "halves": lambda: load_problem("halves/six"),
+    "screening": lambda: load_problem("screening/day8"),
+    "elisa": lambda: load_problem("elisa/plates3"),
 }
-SMALL = ("centrifuge", "dual", "gauging", "halves")
+SMALL = ("centrifuge", "dual", "elisa", "gauging", "halves", "screening")
 SAY = "say: "
 
 

@@ -11,6 +11,14 @@ from cellwright.engine.faces.cli.output.answer_output import AnswerForm
 from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.kb import store
 
+DurationsFrom = Annotated[
+    str,
+    Option(
+        "--durations-from",
+        metavar="STORE",
+        help="with --robust: ranges of durations as the runs with a journal in STORE have shown",
+    ),
+]
 TARGET_SUFFIXES = (".yaml", ".yml", ".json", ".tsp", ".pddl")
 
 

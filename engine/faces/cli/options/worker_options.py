@@ -1,4 +1,4 @@
-"""Options of verbs with many units of work: processes or cluster, store, and their progress."""
+"""Makes the crew of processes or cluster that --jobs and --cluster ask for, and a progress bar."""
 
 import os
 import sys
@@ -25,7 +25,7 @@ class WorkerOptions:
 
 
 def refuse_both(jobs: int, cluster: str) -> None:
-    """Refuse --jobs beside --cluster. Raises `IdleOption`."""
+    """Refuse --jobs beside --cluster. Raises `typer.BadParameter`."""
     if cluster:
         refuse_idle({"--jobs": jobs}, "with --cluster")
 

@@ -28,7 +28,7 @@ def answer_form(output: Path | None, given: AnyForm | None, text: AnyForm) -> An
     """How the answer is written: as `--format` says, else as the name of the file ends, else as
     text.
 
-    Raises `BadParameter` if there is a file and neither says a form that files have.
+    Raises `typer.BadParameter` if there is a file and neither says a form that files have.
     """
     if given is not None:
         refuse_idle(

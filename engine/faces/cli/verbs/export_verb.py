@@ -1,4 +1,4 @@
-"""The verb `export`: problems, plans and points in the languages of other systems."""
+"""The verb `export`: writes problems as PDDL, plans as behaviour trees, points as QIF."""
 
 from enum import StrEnum
 from pathlib import Path

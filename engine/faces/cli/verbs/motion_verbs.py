@@ -208,7 +208,7 @@ def _replay_set(
 def _worker_options(jobs: int, cluster: str, store: str, idle: str = "") -> WorkerOptions:
     """How units of work are carried out.
 
-    Raises `IdleOption` for --jobs beside --cluster, or for any where they are idle.
+    Raises `typer.BadParameter` for --jobs beside --cluster, or for any where they are idle.
     """
     if idle:
         refuse_idle({"--jobs": jobs != 1, "--cluster": cluster, "--store": store}, idle)

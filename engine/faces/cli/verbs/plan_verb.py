@@ -1,6 +1,6 @@
 """The verb `plan`: a plan for a target, as a table, as data, as a picture or for PDDL planners."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +10,7 @@ from cellwright.engine.faces.cli.options.shared_options import (
     Anytime,
     Before,
     Command,
+    DurationsFrom,
     Expansions,
     Goals,
     Lasts,
@@ -26,13 +27,13 @@ from cellwright.engine.faces.cli.options.shared_options import (
 from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
 from cellwright.engine.faces.cli.output.output_files import Output, answer_form
 from cellwright.engine.faces.cli.output.plan_forms import PlanForm
-from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED, exit_code
+from cellwright.engine.faces.cli.process.exit_codes import FINDINGS, INTERRUPTED, exit_code
 from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
 from cellwright.engine.faces.cli.wrong_options import make_misfit, refuse_idle
 from cellwright.engine.formats import interop, report
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.model.planning_choices import PlanningObjective, SequenceChoice
-from cellwright.engine.pipelines import inspection, planning
+from cellwright.engine.pipelines import execution, inspection, planning
 from cellwright.engine.pipelines import motion as motion_room
 from cellwright.engine.plugins import geometry_backend
 from cellwright.kb import loader
@@ -98,6 +99,15 @@ Motion = Annotated[
     Option("--motion", help="with the motion of the arm in every step, and the time that it takes"),
 ]
 
+Robust = Annotated[
+    bool,
+    Option(
+        "--robust",
+        help="with a policy that keeps every window however long steps last within their ranges, "
+        "or why there is none",
+    ),
+]
+
 Order = Annotated[
     SequenceChoice | None,
     Option(
@@ -131,6 +141,8 @@ def plan_target(
     store: Library = "",
     folded: Folded = False,
     motion: Motion = False,
+    robust: Robust = False,
+    durations_from: DurationsFrom = "",
     window: Windows = None,
     lasts: Lasts = None,
     before: Before = None,
@@ -142,6 +154,9 @@ def plan_target(
         target, goals, command, task, (window or [], lasts or [], before or [])
     )
     _refuse_misfits(plan_request, pddl, strategy if race else "auto", motion)
+    _refuse_unrobust(robust, pddl, motion, objective)
+    if durations_from and not robust:
+        raise make_misfit("--durations-from needs --robust: only ranges are learned")
     kind = answer_form(output, format, PlanForm.TEXT)
     _refuse_unseen(PlanForm.TEXT if output else kind, stats, folded, store)
     searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
@@ -162,6 +177,8 @@ def plan_target(
         wish,
         ordered,
         motion,
+        robust,
+        durations_from,
     )
     if plan_request.pddl is not None:
         _give_timed(plan_request.target, plan_request.pddl, work, (kind, stats, output))
@@ -217,6 +234,18 @@ def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool)
         )
 
 
+def _refuse_unrobust(
+    robust: bool, pddl: bool, motion: bool, objective: PlanningObjective | None
+) -> None:
+    """Refuse options that do not go with `--robust`."""
+    if robust and pddl:
+        raise make_misfit("--robust needs ranges of durations: PDDL has none")
+    if robust and motion:
+        raise make_misfit("--robust and --motion: motions last as long as they are computed to")
+    if robust and objective is PlanningObjective.COST:
+        raise make_misfit("--robust and --objective cost: a policy needs a timetable")
+
+
 def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> None:
     """Refuse options that the form of the answer cannot show."""
     if folded and not store:
@@ -254,6 +283,8 @@ class SearchOptions:
     objective: "PlanningObjective | None" = None
     order: SequenceChoice = SequenceChoice.SEQUENCE
     motion: bool = False
+    robust: bool = False
+    durations_from: str = ""
 
 
 def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
@@ -274,13 +305,19 @@ def _plan_target(
         report.outcome_status(outcome),
         report.plan_answer_content(made_plan, stats) if form is PlanForm.JSON else {},
         text=lambda: report.plan_answer_text(made_plan, stats, work.folded),
-        code=INTERRUPTED if interrupted.heard else exit_code(outcome),
+        code=INTERRUPTED if interrupted.heard else _plan_code(made_plan),
         diagnostics=(
             *report.library_warnings(made_plan.origin, work.store),
             *(task.warnings if task else _displaced(made_plan)),
         ),
         raw=raw_plan(made_plan, form, task),
     )
+
+
+def _plan_code(made: "PlanAnswer") -> int:
+    """The exit code; a plan that is not robust though that is asked for is a finding."""
+    code = exit_code(made.run.outcome)
+    return FINDINGS if not code and made.robust and not made.robust.is_robust else code
 
 
 def _displaced(made: "PlanAnswer") -> "tuple[Diagnostic, ...]":
@@ -304,6 +341,8 @@ def _make_plan(
 ) -> "PlanAnswer":
     """The plan, with the motions of its steps if they are asked for."""
     problem = task.problem if task else _wanted_problem(wanted)
+    learned = execution.learn_durations(work.durations_from, problem) if work.durations_from else ()
+    problem = execution.with_learned_durations(problem, learned) if learned else problem
     limits = _search_limits(work, interrupted, problem.domain, task is not None)
     wish, order = work.objective, work.order
     if work.motion:
@@ -315,7 +354,12 @@ def _make_plan(
         )
         return report.PlanAnswer(moving.run, moving.problem, moving=moving)
     run, origin = planning.plan_with_library(problem, limits, wish, order, work.store, work.folded)
-    return report.PlanAnswer(run, problem, origin)
+    if not work.robust:
+        return report.PlanAnswer(run, problem, origin)
+    run, robust = planning.make_robust(problem, run)
+    if robust is not None:
+        robust = replace(robust, learned=tuple(each.text for each in learned))
+    return report.PlanAnswer(run, problem, origin, robust=robust)
 
 
 def _wanted_problem(wanted: PlanRequest) -> "Problem":
@@ -358,7 +402,7 @@ def _plan_motions(
 ) -> "MovingRun":
     """The plan in which every step moves.
 
-    Raises `Stopped` if it is interrupted: a plan that does not move is no answer.
+    Raises `StoppedByCaller` if it is interrupted: a plan that does not move is no answer.
     """
 
     def planned_in_time(each: "Problem") -> "Run":

@@ -10,6 +10,7 @@ from typer import Argument, Option
 from cellwright.engine.faces.cli.options import shared_options
 from cellwright.engine.faces.cli.options.shared_options import (
     Command,
+    DurationsFrom,
     Expansions,
     Format,
     Goals,
@@ -24,17 +25,22 @@ from cellwright.engine.faces.cli.verbs.run_supervision import RunSupervision
 from cellwright.engine.faces.cli.wrong_options import make_misfit
 from cellwright.engine.formats import report
 from cellwright.engine.formats.report import rich_parts
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.start_rules import NO_RULES
 from cellwright.engine.pipelines import execution, planning
 from cellwright.engine.pipelines import motion as motion_room
 from cellwright.engine.plugins import geometry_backend
 from cellwright.kb import loader
 from cellwright.kb import store as kb_store
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 if TYPE_CHECKING:
     from cellwright.engine.model.run_protocol import Finish
+    from cellwright.engine.model.start_rules import StartRules
     from cellwright.engine.pipelines.execution import RunRequest
     from cellwright.engine.pipelines.execution.run_motions import RunPaths
     from cellwright.engine.pipelines.motion.moving_plan import MovingRun
+    from cellwright.engine.pipelines.planning.plan_objective import Run
     from cellwright.engine.stages.planning import SearchLimits
     from cellwright.kb.model.planning_problem import Problem
 
@@ -98,6 +104,15 @@ Motion = Annotated[
     ),
 ]
 
+Robust = Annotated[
+    bool,
+    Option(
+        "--robust",
+        help="follow a policy that keeps every window however long steps last within their "
+        "ranges; no run begins without one",
+    ),
+]
+
 
 def run_target(
     target: Target,
@@ -113,6 +128,8 @@ def run_target(
     events: Events = "",
     watch: Watch = False,
     motion: Motion = False,
+    robust: Robust = False,
+    durations_from: DurationsFrom = "",
     expansions: Expansions = None,
     seed: Seed = 0,
     format: Format = AnswerForm.TEXT,
@@ -121,8 +138,24 @@ def run_target(
     reached.
     """
     asked = RunCommandRequest(
-        target, goals, command, driver, store, name, factor, seed, approve, expansions, motion
+        target,
+        goals,
+        command,
+        driver,
+        store,
+        name,
+        factor,
+        seed,
+        approve,
+        expansions,
+        motion,
+        robust,
+        durations_from,
     )
+    if durations_from and not robust:
+        raise make_misfit("--durations-from needs --robust: only ranges are learned")
+    if robust and motion:
+        raise make_misfit("--robust and --motion: motions last as long as they are computed to")
     if events == "-" and format is AnswerForm.JSON:
         raise make_misfit("--events - writes lines of JSON to the output: leave out --format json")
     give_answer(lambda: _start_run(asked, fault or [], option or [], events, watch, format), format)
@@ -143,6 +176,8 @@ class RunCommandRequest:
     approve: bool
     expansions: int | None
     motion: bool
+    robust: bool = False
+    durations_from: str = ""
 
 
 def _start_run(
@@ -179,7 +214,15 @@ def _carried_out(
         say_on_stderr("\n".join(report.narrate_problem(problem)) + "\n")
     as_read = problem
     limits = SearchLimits(expansions_within(asked.expansions, None), seed=asked.seed)
-    table, scope, paths = None, None, None
+    table, scope, paths, rules = None, None, None, NO_RULES
+    if asked.robust:
+        if asked.durations_from:
+            learned = execution.learn_durations(asked.durations_from, problem)
+            problem = execution.with_learned_durations(problem, learned)
+        run, rules = _plan_with_policy(asked.target, problem, limits)
+        table = run.timetable
+        if not isinstance(run.outcome, Found):
+            return answer_of(run.outcome, wanted.store, events == "-")
     if asked.motion:
         moving = _plan_with_motions(asked, problem, limits, wanted.store)
         table, scope = moving.run.timetable, execution.RunScope(moving.problem, moving.given_up)
@@ -201,8 +244,24 @@ def _carried_out(
             scope=scope,
             paths=paths,
             as_read=as_read,
+            rules=rules,
         )
     return answer_of(ending, wanted.store, events == "-")
+
+
+def _plan_with_policy(
+    target: str, problem: "Problem", limits: "SearchLimits"
+) -> "tuple[Run, StartRules]":
+    """A plan, and the rules of its policy; none where no step takes time.
+
+    Raises `InvalidInput` if no policy keeps all windows.
+    """
+    run, robust = planning.make_robust(problem, planning.plan_for_objective(problem, limits))
+    if robust is not None and not robust.is_robust:
+        hint = f"cellwright plan {target} --robust says what does not go together"
+        message = "no policy keeps all windows of the plan whatever happens in the ranges"
+        raise InvalidInput([Diagnostic(Source(target), "K421", message, hint)])
+    return run, NO_RULES if robust is None else robust.rules
 
 
 def _tell_given_up(moving: "MovingRun", quiet: bool) -> None:

@@ -33,6 +33,7 @@ from cellwright.engine.formats.interop.pddl.numeric_functions import (
 )
 from cellwright.engine.formats.interop.pddl.pddl_conditions import ConditionReader
 from cellwright.engine.formats.interop.pddl.start_values import StartValues
+from cellwright.engine.formats.interop.pddl.task_files import DOMAIN, PROBLEM
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, nearest_hint
 from cellwright.kb.model.conditions import ALWAYS_TRUE, Condition
 from cellwright.kb.model.planning_problem import Problem
@@ -54,9 +55,9 @@ class PddlProblem:
 
 def read_pddl_task(domain_path: Path, problem_path: Path) -> PddlProblem:
     """The problem in two files. Raises `InvalidInput` with all errors in them."""
-    reader = DomainReader(read_document(domain_path))
+    reader = DomainReader(read_document(domain_path, DOMAIN))
     reader.declare()
-    problem_document = read_document(problem_path)
+    problem_document = read_document(problem_path, PROBLEM)
     task = _ProblemReader(problem_document, reader)
     problem = task.read()
     if reader.document.found or problem_document.found:

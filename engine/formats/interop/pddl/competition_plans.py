@@ -5,6 +5,7 @@ from pathlib import Path
 
 from cellwright.engine.formats.interop.pddl import PddlProblem
 from cellwright.engine.formats.interop.pddl.expressions import plan_actions
+from cellwright.engine.formats.interop.pddl.task_files import PLAN, require_file
 from cellwright.engine.model.task_costs import cost_text
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, nearest_hint
 from cellwright.kb.files import File, read_file
@@ -47,6 +48,7 @@ def read_plan(task: PddlProblem, path: Path) -> Plan:
     Raises `InvalidInput` if a line is not an action of the task.
     """
     file = read_file(path)
+    require_file(file, PLAN)
     diagnostics: list[Diagnostic] = []
     steps: list[Step] = []
     amounts = amounts_of(task.problem)

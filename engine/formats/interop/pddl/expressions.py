@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+from cellwright.engine.formats.interop.pddl.task_files import require_file
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import File, read_file
 
@@ -67,9 +68,13 @@ class Document:
         return self.file.at(at.offset)
 
 
-def read_document(path: Path) -> Document:
-    """The expression in a PDDL file. Raises `InvalidInput` when parentheses do not match."""
+def read_document(path: Path, kind: str) -> Document:
+    """The expression in a PDDL file, which is a domain or a problem.
+
+    Raises `InvalidInput` when parentheses do not match, or for a file of another kind.
+    """
     file = read_file(path)
+    require_file(file, kind)
     return Document(file, _only_group(file), [])
 
 

@@ -29,6 +29,7 @@ SECTIONS = {
         ":functions",
         ":action",
         ":durative-action",
+        ":derived",
     ),
     "problem": ("problem", ":domain", ":requirements", ":objects", ":init", ":goal", ":metric"),
 }

@@ -42,6 +42,8 @@ TEMPORAL_WORDS = {
     "sometime-after",
     "at end",
 }
+# of PPDDL and of contingent tasks
+UNCERTAIN_WORDS = {"oneof", "unknown", "probabilistic"}
 FALSE = Or(())
 
 
@@ -150,8 +152,12 @@ class ConditionReader:
         parameter = known.get(at.text) if isinstance(at, PddlWord) else None
         return parameter is None or self.scope.is_subtype(parameter.type, type_)
 
-    def _unsupported(self, at: Expression, what: str) -> None:
-        hint = "no times, preferences, constraints and object fluents are read"
+    def _unsupported(
+        self,
+        at: Expression,
+        what: str,
+        hint: str = "no times, preferences, constraints and object fluents are read",
+    ) -> None:
         self.document.add(at, "K802", f"{what} are not supported", hint)
 
     def atom(self, at: Group, known: Variables) -> Atom | None:
@@ -180,6 +186,9 @@ class ConditionReader:
             )
         elif at.head in TEMPORAL_WORDS:
             self._unsupported(at, "temporal conditions, preferences and timed literals")
+        elif at.head in UNCERTAIN_WORDS:
+            hint = "what is true at the start, and what an action does, is known"
+            self._unsupported(at, f"facts and effects with '{at.head}'", hint)
         else:
             near = nearest_hint(at.head, list(self.scope.predicates))
             self.document.add(at, "K101", f"unknown predicate '{at.head}'", near)

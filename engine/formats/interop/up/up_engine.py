@@ -16,7 +16,7 @@ from unified_planning.engines.compilers.grounder import Grounder
 from unified_planning.engines.results import CompilerResult, PlanGenerationResult, ValidationResult
 from unified_planning.exceptions import UPUsageError
 from unified_planning.plans import Plan as UpPlan
-from unified_planning.plans import PlanKind
+from unified_planning.plans import PlanKind, TimeTriggeredPlan
 
 from cellwright.engine.formats.interop.up.up_conditions import Unsupported
 from cellwright.engine.formats.interop.up.up_kinds import (
@@ -33,13 +33,18 @@ from cellwright.engine.formats.interop.up.up_plans import (
     validation_result,
 )
 from cellwright.engine.formats.interop.up.up_problem import Translated, translate_problem
-from cellwright.engine.formats.interop.up.up_timed_problems import TimedTranslation, has_time
+from cellwright.engine.formats.interop.up.up_timed_problems import (
+    TimedTranslation,
+    has_time,
+    validate_timed_plan,
+)
 from cellwright.engine.kernels.cancellation import Interrupted, never
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, OrderCheck, Outcome
 from cellwright.engine.model.temporal import NoPlanInTime
 from cellwright.engine.pipelines.planning.temporal_plans import TimeEffort, plan_with_times
 from cellwright.engine.stages.planning import expansions_within
 from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.durative import TimedPlan
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
@@ -140,6 +145,11 @@ class ChangingProblem(mixins.ReplannerMixin):  # type: ignore[misc]
         warnings.warn(message, stacklevel=4)
 
 
+PLAN_KINDS = (
+    PlanKind.SEQUENTIAL_PLAN,
+    PlanKind.PARTIAL_ORDER_PLAN,
+    PlanKind.TIME_TRIGGERED_PLAN,
+)
 LIMIT_STATUS = {"time": Status.TIMEOUT, "memory": Status.MEMOUT}
 
 
@@ -255,8 +265,8 @@ class UpEngine(
 
     @staticmethod
     def supports_plan(plan_kind: PlanKind) -> bool:
-        """Sequences and partial orders."""
-        return plan_kind in (PlanKind.SEQUENTIAL_PLAN, PlanKind.PARTIAL_ORDER_PLAN)
+        """Sequences, partial orders and plans with times."""
+        return plan_kind in PLAN_KINDS
 
     @staticmethod
     def supports_compilation(compilation_kind: CompilationKind) -> bool:
@@ -302,14 +312,28 @@ class UpEngine(
         return _write_result(result, output_stream)
 
     def _timed(
-        self, problem: up.Problem, late: Interrupted, timeout: float | None
+        self,
+        problem: up.Problem,
+        late: Interrupted,
+        timeout: float | None,
+        tell: Callable[[PlanGenerationResult], None] | None = None,
     ) -> PlanGenerationResult:
-        """The result for a problem in time: a time-triggered plan with a small makespan."""
+        """The result for a problem in time: a time-triggered plan with a small makespan.
+
+        With `tell`, every better plan is told, and the whole timeout is used.
+        """
         try:
             ours = TimedTranslation(problem)
+
+            def improved(plan: TimedPlan) -> None:
+                if tell is not None:
+                    tell(self._result(Status.INTERMEDIATE, ours.plan(plan)))
+
             given = self._limited(timeout)
             limits = {name: given[name] for name in ("seed", "expansions") if name in given}
-            outcome = plan_with_times(ours.task.problem, TimeEffort(late, **limits))
+            thorough = tell is not None and timeout is not None
+            effort = TimeEffort(late, thorough=thorough, improved=improved, **limits)
+            outcome = plan_with_times(ours.task.problem, effort)
         except (Unsupported, InvalidInput) as error:
             return self._result(Status.UNSUPPORTED_PROBLEM, None, str(error))
         if isinstance(outcome, NoPlanInTime):
@@ -396,6 +420,9 @@ class UpEngine(
         def solve(
             stop: Interrupted, tell: Callable[[PlanGenerationResult], None]
         ) -> PlanGenerationResult:
+            if has_time(problem):
+                return self._timed(problem, stop, timeout, tell)
+
             def improved_outcome(ours: Translated) -> Outcome:
                 better = only_cheaper(
                     lambda plan: tell(self._result(Status.INTERMEDIATE, self._plan(ours, plan)))
@@ -417,6 +444,8 @@ class UpEngine(
         self, timeout: float | None = None, output_stream: IO[str] | None = None
     ) -> PlanGenerationResult:
         late = deadline_after(timeout)
+        if has_time(self._problem):
+            return _write_result(self._timed(self._problem, late, timeout), output_stream)
         result = self._made(
             self._problem, lambda ours: self._proved(ours, self._revised(ours, late, timeout), late)
         )
@@ -442,6 +471,8 @@ class UpEngine(
 
     def _validate(self, problem: up.Problem, plan: UpPlan) -> ValidationResult:
         with _usage_errors(f"{self.name} cannot validate plans for this problem"):
+            if isinstance(plan, TimeTriggeredPlan):
+                return validate_timed_plan(TimedTranslation(problem), plan, self.name)
             ours = translate_problem(problem)
             read_plan, instances = read_up_plan(ours, plan)
             return validation_result(

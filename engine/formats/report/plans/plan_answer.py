@@ -12,6 +12,7 @@ from cellwright.engine.pipelines import planning
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from cellwright.engine.model.robustness import RobustPlan
     from cellwright.engine.model.time_limits import Unmet
     from cellwright.engine.pipelines.motion.moving_plan import MovingRun
     from cellwright.engine.pipelines.planning.plan_objective import Run
@@ -23,14 +24,15 @@ if TYPE_CHECKING:
 class PlanAnswer:
     """What planning made: the run for a problem.
 
-    `origin` says where the plan comes from, `moving` holds the motions of its steps. Each is empty
-    where nobody asked for it.
+    `origin` says where the plan comes from, `moving` holds the motions of its steps, `robust` says
+    whether windows are kept whatever happens. Each is empty where nobody asked for it.
     """
 
     run: "Run"
     problem: "Problem"
     origin: Mapping[str, Any] = field(default_factory=dict)
     moving: "MovingRun | None" = None
+    robust: "RobustPlan | None" = None
 
 
 def plan_answer_content(plan_answer: PlanAnswer, stats: bool) -> dict[str, Any]:
@@ -52,6 +54,10 @@ def plan_answer_content(plan_answer: PlanAnswer, stats: bool) -> dict[str, Any]:
         table = run.timetable
         content["makespan"] = proof_entry(table.schedule, table.scope, table.floor)
         content |= window_entries(table)
+    if plan_answer.robust is not None:
+        from cellwright.engine.formats.report.plans import robustness_report
+
+        content["robustness"] = robustness_report.robustness_entry(plan_answer.robust)
     if stats:
         content["statistics"] = json_answers.statistics_entry(run.outcome.statistics)
     if plan_answer.moving is None:
@@ -81,6 +87,12 @@ def plan_answer_text(plan_answer: PlanAnswer, stats: bool, folded: bool) -> "Ren
         rich_parts.Text(line)
         for line in _unmet_times(plan_answer).lines(plan_answer.problem.domain.time_unit)
     ]
+    if plan_answer.robust is not None:
+        from cellwright.engine.formats.report.plans import robustness_report
+
+        unit = plan_answer.problem.domain.time_unit
+        lines = robustness_report.robustness_lines(plan_answer.robust, unit)
+        parts += [rich_parts.Text(line) for line in lines]
     if plan_answer.moving is not None:
         from cellwright.engine.formats.report.plans import plan_motions
 

@@ -1,15 +1,20 @@
 """Motions of a plan, step by step, as text and as data."""
 
+from collections import Counter
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.formats.report import rich_parts
-from cellwright.engine.model.motion_values import MovedStep, StepLeg, Unmoved
+from cellwright.engine.model.motion_values import MovedStep, StepLeg, Unmoved, UnprovedStep
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from cellwright.engine.model.motion_values import SharedZone, Sharing
     from cellwright.engine.pipelines.motion.moving_plan import MovingRun
+
+
+MAX_STILL_STEPS = 6  # steps without a motion that are named one by one
 
 
 def plan_motions_text(moving: "MovingRun") -> "list[RenderableType]":
@@ -20,8 +25,11 @@ def plan_motions_text(moving: "MovingRun") -> "list[RenderableType]":
             "step", "at", "motion, with its time (s)", "in all (s)", box=None, pad_edge=False
         )
         for step in moving.steps:
-            table.add_row(str(step.step), step.place, _leg_words(step), f"{step.seconds:.1f}")
+            table.add_row(
+                str(step.step), _place_words(step), _leg_words(step), f"{step.seconds:.1f}"
+            )
         report_parts += [table, rich_parts.Text(_proof_text(moving.steps))]
+    report_parts += [rich_parts.Text(line) for line in unproved_lines(moving.unproved)]
     if moving.sharing is not None:
         report_parts += [rich_parts.Text(line) for line in sharing_lines(moving.sharing)]
     for refused in moving.refused:
@@ -58,6 +66,10 @@ def _zone_size(zone: "SharedZone") -> str:
     return " x ".join(f"{side:.2f}" for side in sides) + " m"
 
 
+def _place_words(step: MovedStep) -> str:
+    return ", ".join(stop.place for stop in step.stops) or step.place
+
+
 def _leg_words(step: MovedStep) -> str:
     parts = [f"{leg.kind.value} {leg.seconds:.1f}" for leg in step.legs if leg.seconds]
     return (
@@ -70,11 +82,45 @@ def _proof_text(steps: tuple[MovedStep, ...]) -> str:
     open_ = [step for step in steps if not step.proved]
     legs = sum(len(step.legs) for step in steps)
     if not open_:
-        return f"{legs} paths, all proved to touch nothing that they may not"
+        moving = f"{legs} paths of {_steps_counted(len(steps))}"
+        return f"{moving}, all proved to touch nothing that they may not"
     return (
-        f"{legs} paths; those of {len(open_)} steps are free wherever they were looked at, but "
-        "not proved"
+        f"{legs} paths; those of {_steps_counted(len(open_))} are free wherever they were looked "
+        "at, but not proved"
     )
+
+
+def _steps_counted(count: int) -> str:
+    return "1 step" if count == 1 else f"{count} steps"
+
+
+def unproved_lines(unproved: "Sequence[UnprovedStep]") -> list[str]:
+    """Which steps have no motion, and which bring a body somewhere without one."""
+    still = [step for step in unproved if not step.place and not step.bodies]
+    lines = [_still_line(still)] if still else []
+    for step in unproved:
+        if step.bodies:
+            bodies, where = ", ".join(step.bodies), ""
+            if step.place:
+                where = f" beside {step.place}"
+                hint = "; `at` in its operation may name several places in a row"
+            else:
+                hint = "; no operation says what an arm does in it"
+            lines.append(
+                f"not proved: step {step.step}, {step.operator}, moves {bodies} without a "
+                f"motion{where}{hint}"
+            )
+    return lines
+
+
+def _still_line(still: "Sequence[UnprovedStep]") -> str:
+    """The steps without a motion that move nothing in the cell; many of them by their operators."""
+    if len(still) <= MAX_STILL_STEPS:
+        named = "; ".join(f"{step.step} {step.operator}" for step in still)
+    else:
+        counts = Counter(step.operator.name for step in still)
+        named = ", ".join(f"{count} of {name}" for name, count in sorted(counts.items()))
+    return f"without a motion: {_steps_counted(len(still))} ({named})"
 
 
 def _refusal_place(refused: Unmoved) -> str:
@@ -96,6 +142,15 @@ def plan_motions_entry(moving: "MovingRun") -> dict[str, Any]:
                 "while": list(map(str, refused_step.while_true)),
             }
             for refused_step in moving.refused
+        ],
+        "unproved": [
+            {
+                "step": step.step,
+                "operator": str(step.operator),
+                "place": step.place,
+                "bodies": list(step.bodies),
+            }
+            for step in moving.unproved
         ],
         "given_up": [
             {"goal": given_up_goal.goal, "why": given_up_goal.why}

@@ -59,7 +59,7 @@ def hello_content(run: str) -> dict[str, Any]:
 
 
 def read_line(text: bytes) -> dict[str, Any]:
-    """The content of a line. Raises `Garbage`."""
+    """The content of a line. Raises `MalformedLine`."""
     try:
         message = parse_json(text.decode("utf-8"))
     except ValueError as error:
@@ -70,7 +70,7 @@ def read_line(text: bytes) -> dict[str, Any]:
 
 
 def read_ready(content: Mapping[str, Any]) -> ControllerReady:
-    """What a controller says of itself. Raises `Garbage`."""
+    """What a controller says of itself. Raises `MalformedLine`."""
     if content.get("version") != PROTOCOL_VERSION:
         raise MalformedLine(
             f"the controller speaks version {content.get('version')} of the protocol, not "
@@ -89,7 +89,7 @@ def read_ready(content: Mapping[str, Any]) -> ControllerReady:
 
 
 def read_reply(content: Mapping[str, Any], now_ms: int) -> Reply:
-    """A reply. Raises `Garbage`."""
+    """A reply. Raises `MalformedLine`."""
     text, data = content.get("text"), content.get("data", {})
     if not isinstance(text, str) or not isinstance(data, dict):
         raise MalformedLine(f"a reply without a text: {_short_text(json.dumps(content).encode())}")
@@ -99,7 +99,7 @@ def read_reply(content: Mapping[str, Any], now_ms: int) -> Reply:
 
 
 def read_reports(content: Mapping[str, Any], now_ms: int) -> list[Report]:
-    """The fates of commands. Raises `Garbage`."""
+    """The fates of commands. Raises `MalformedLine`."""
     listed = content.get("reports")
     if not isinstance(listed, list) or not all(isinstance(report, dict) for report in listed):
         raise MalformedLine("`reports` is no list of fates")
@@ -156,7 +156,7 @@ def command_entry(command: DriverCommand) -> dict[str, Any]:
 
 
 def read_command(content: Mapping[str, Any]) -> DriverCommand:
-    """A command. Raises `Garbage`."""
+    """A command. Raises `MalformedLine`."""
     try:
         return DriverCommand(
             _whole_number(content, "number"),
@@ -179,7 +179,7 @@ def read_command(content: Mapping[str, Any]) -> DriverCommand:
 
 
 def read_commands(content: Mapping[str, Any]) -> Sequence[DriverCommand]:
-    """The commands that are sent. Raises `Garbage`."""
+    """The commands that are sent. Raises `MalformedLine`."""
     listed = content.get("commands")
     if not isinstance(listed, list) or not all(isinstance(command, dict) for command in listed):
         raise MalformedLine("`commands` is no list")

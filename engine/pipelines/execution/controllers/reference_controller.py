@@ -40,7 +40,7 @@ class ServedCell:
     begun: float = 0.0
 
     def serve(self, run: str) -> Simulator:
-        """The cell of a run. Raises `Garbage` if it serves another."""
+        """The cell of a run. Raises `MalformedLine` if it serves another."""
         if self.simulator is None:
             self.setup = replace(self.setup, run=run)
             self.simulator = simulated_driver(replace(self.setup, factor=0.0))
@@ -64,7 +64,7 @@ class ServedCell:
         return messages
 
     def now(self) -> Simulator:
-        """The cell that has been greeted. Raises `Garbage`."""
+        """The cell that has been greeted. Raises `MalformedLine`."""
         if self.simulator is None:
             raise MalformedLine("say hello first")
         return self.simulator

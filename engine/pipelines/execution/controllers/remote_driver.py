@@ -98,7 +98,7 @@ class PendingCommands:
                 self.open.pop(report.number, None)
 
     def part(self, content: Mapping[str, Any]) -> None:
-        """Take in a piece of bulk data. Raises `Garbage`."""
+        """Take in a piece of bulk data. Raises `MalformedLine`."""
         number, name, text = content.get("number"), content.get("name"), content.get("text")
         if not (isinstance(number, int) and isinstance(name, str) and isinstance(text, str)):
             raise MalformedLine("a part without number, name or text")

@@ -17,6 +17,7 @@ from cellwright.engine.pipelines.motion.arm_conflicts import (
 )
 from cellwright.engine.pipelines.motion.arm_progress import Where
 from cellwright.engine.pipelines.motion.cell_state import arms_of_step
+from cellwright.engine.pipelines.motion.places_in_a_row import step_parts
 from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, operation_of
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.simulators import (
@@ -56,25 +57,40 @@ RETREAT_SLOWDOWN = 2.0  # times as long as on the way there
 
 def retreat_from_stop(
     stage: MujocoStage,
-    legs: Sequence[StepLeg],
+    moved: MovedStep,
     stopped: ArmStopped,
     before: GeometricWorld,
     after: GeometricWorld,
 ) -> None:
-    """Go back from where a step was stopped, on one of its legs; what was taken at the place is
-    left there, and the other way round.
+    """Go back from where a step was stopped, on one of its legs; what was taken at a place is left
+    there, and the other way round.
     """
     guard, stage.guard = stage.guard, frozenset()
-    done = next(n for n, leg in enumerate(legs) if leg is stopped.leg)
+    parts = step_parts(moved, before, after)
+    last = next(n for n, (part, *_) in enumerate(parts) if _has_leg(part, stopped.leg))
+    done = next(n for n, leg in enumerate(parts[last][0].legs) if leg is stopped.leg)
     stage.follow(reverse_leg(stopped.leg, stopped.at_s))
-    for leg in reversed(legs[:done]):
+    for number in range(last, -1, -1):
+        part, old, new = parts[number]
+        _undo_legs(stage, part.legs[:done] if number == last else part.legs, old, new)
+    stage.guard = guard
+
+
+def _has_leg(part: MovedStep, leg: StepLeg) -> bool:
+    return any(own_leg is leg for own_leg in part.legs)
+
+
+def _undo_legs(
+    stage: MujocoStage, legs: Sequence[StepLeg], before: GeometricWorld, after: GeometricWorld
+) -> None:
+    """Go back on legs at one place, and undo what was done there."""
+    for leg in reversed(legs):
         if leg.kind is LegKind.IN:
             for tool in stage.tools:
                 stage.latches.exchange(tool, after, before)
             stage.fingers(leg.arm, before, closed=False)
             stage.wait(REST_TIME_S)
         stage.follow(reverse_leg(leg, leg.seconds))
-    stage.guard = guard
 
 
 def reverse_leg(leg: StepLeg, at_s: float) -> StepLeg:
@@ -152,7 +168,7 @@ class PhysicalCell:
         try:
             self._way_in = self.stage.take(moved, *worlds, stops=True)
         except ArmStopped as stopped:
-            retreat_from_stop(self.stage, moved.legs, stopped, *worlds)
+            retreat_from_stop(self.stage, moved, stopped, *worlds)
             self._meets(stopped.body, where)
             return False
         if self._way_in is not None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.model.motion_values import LegKind, MovedStep, StepLeg
+from cellwright.engine.pipelines.motion.places_in_a_row import step_parts
 from cellwright.engine.pipelines.motion.plan_walk import operation_of
 from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_model import (
     GRIP_N,
@@ -126,6 +127,8 @@ class MujocoStage:
         self.held: frozenset[str] = frozenset()
         self.guard: frozenset[str] = frozenset()  # bodies that stop an arm which touches them
         self._drives: dict[str, float] = {}
+        # whether a hand closes between two places of a step, which no fact says
+        self._carries = False
         for arm, q in world.configurations.items():
             for joint, value in zip(world.cell.arms[arm].arm.joints, q, strict=True):
                 self._set(f"{arm}/{joint.name}", float(value))
@@ -160,8 +163,19 @@ class MujocoStage:
 
         If it `stops`, it ends where something that the arm drags does not come along, as at the
         limit of a force. The hand holds it still, and the way that the arm came in by is left to go
-        back. Raises `Stopped`.
+        back. Raises `ArmStopped`.
         """
+        parts = step_parts(step, before, after)
+        for stop, (part, old, new) in zip(step.stops, parts[:-1], strict=False):
+            self._carries = bool(stop.in_hand)
+            self._take_part(part, old, new, stops)
+        self._carries = False
+        return self._take_part(*parts[-1], stops)
+
+    def _take_part(
+        self, step: MovedStep, before: GeometricWorld, after: GeometricWorld, stops: bool
+    ) -> StepLeg | None:
+        """A step at one place."""
         operation = operation_of(before.cell, step.operator)
         assert operation is not None
         named = allowed_in(step.place, operation, before)
@@ -237,7 +251,7 @@ class MujocoStage:
     def _at_place(
         self, arm: str, takes_s: float, drags: str, before: GeometricWorld, after: GeometricWorld
     ) -> None:
-        self.fingers(arm, after, closed=bool(drags))
+        self.fingers(arm, after, closed=bool(drags) or self._carries)
         for name, body in after.cell.bodies.items():
             changed = (
                 body.guide is not None

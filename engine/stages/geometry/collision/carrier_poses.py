@@ -22,7 +22,7 @@ def pose_batch(scene: CollisionScene, where: Floats) -> Floats:
 
 
 def checked_poses(scene: CollisionScene, where: Floats) -> Floats:
-    """`pose_batch` for what `batch` or `split` has given back."""
+    """`pose_batch` for what `as_batch` or `split_batch` has given back."""
     poses = np.empty((len(where), scene.carriers, 3, 4))
     if scene.free:
         poses[:, 0] = np.eye(4)[:3]
@@ -58,7 +58,7 @@ def split_batch(scene: CollisionScene, where: Floats) -> tuple[Floats, Truths]:
     """The batch with zeros for what is no number, and which of it (n,) has such entries: nothing is
     known about these.
 
-    Raises as `batch` does.
+    Raises as `as_batch` does.
     """
     where = as_batch(scene, where)
     if is_finite(where):

@@ -66,7 +66,9 @@ def _strange_places(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
     the cell goes to.
     """
     known_names = {*domain.functions, *domain.objects}
-    known_names |= {str(operation.at).partition("(")[0] for operation in cell.operations}
+    known_names |= {
+        str(stop).partition("(")[0] for operation in cell.operations for stop in operation.stops
+    }
     for name, place in cell.places.items():
         functor = name.partition("(")[0]
         if functor not in known_names:

@@ -1,6 +1,6 @@
 # cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False
 # cython: wraparound=False, initializedcheck=False, cdivision=True
-"""Points of a surface, at many poses, against a depth image."""
+"""Counts how many points of a surface a depth image confirms, for each of many poses."""
 
 import math
 

@@ -74,6 +74,16 @@ def test_the_plugin_tests_a_domain_and_shows_the_difference(
     result.stdout.fnmatch_lines(["*other goals, cost 7 -> 6*", "*-goal: position(left, closed)*"])
 
 
+def test_a_problem_that_says_slow_is_tested_with_the_slow_ones(
+    cell: Path, pytester: pytest.Pytester
+) -> None:
+    shutil.copytree(cell, pytester.path / "cell")
+    problem = pytester.path / "cell" / "problems" / "two_items.yaml"
+    problem.write_text("# slow\n" + problem.read_text())
+    pytester.makeini("[pytest]\nmarkers = slow: long")
+    pytester.runpytest("cell", "-m", "not slow").assert_outcomes(deselected=1)
+
+
 def test_the_plugin_accepts_answers_only_outside_continuous_integration(
     cell: Path, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -30,7 +30,7 @@ def test_a_path_from_home_to_a_place_is_proved_and_timed() -> None:
 def test_a_plan_moves_in_every_step_and_every_path_is_proved() -> None:
     result = run(app, ["plan", "bulkhead/one_point", "--motion"])
     assert result.exit_code == 0
-    assert "3 paths, all proved to touch nothing that they may not" in result.stdout
+    assert "3 paths of 3 steps, all proved to touch nothing that they may not" in result.stdout
 
 
 def test_the_same_seed_writes_the_same_bytes() -> None:

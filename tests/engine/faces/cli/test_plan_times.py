@@ -62,3 +62,15 @@ def test_options_that_change_nothing_are_refused(files: list[str]) -> None:
     assert "--objective cost has no effect on a PDDL task with times" in " ".join(
         answer.stderr.split()
     )
+
+
+@pytest.mark.parametrize("verb", ["schedule", "validate", "revise"])
+def test_a_plan_with_times_is_refused_by_name_where_only_domains_have_plans(
+    verb: str, files: list[str], tmp_path: Path
+) -> None:
+    answer = CliRunner().invoke(app, ["plan", "--pddl", *files, "--format", "json", *FEW])
+    path = tmp_path / "plan.json"
+    path.write_text(answer.stdout, "utf-8")
+    told = CliRunner().invoke(app, [verb, str(path)])
+    assert told.exit_code == 2
+    assert "this is a plan of a PDDL task with times" in told.stderr

@@ -266,6 +266,16 @@ GOAL = "(:objects a) (:init (p a)) (:goal (q a))"
         ("(:action", "(:action go :effect (p ?x)) (:action", "K104 action 'go' is declared twice"),
         ("(:init", "(:init p", "K801 'p' is not a fact"),
         ("(:goal", "(:init) (:goal", "K104 :init stands here twice"),
+        (
+            "(:init",
+            "(:init (oneof (p a) (q a))",
+            "K802 facts and effects with 'oneof' are not supported",
+        ),
+        (
+            ":effect (q ?x)",
+            ":effect (probabilistic 0.5 (q ?x))",
+            "K802 facts and effects with 'probabilistic' are not supported",
+        ),
     ],
 )
 def test_what_is_misspelt_or_not_read_is_told(

@@ -3,6 +3,7 @@ checker.
 """
 
 import random
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from cellwright.engine.model.temporal import NoPlanInTime, PlannedInTime
 from cellwright.engine.pipelines.planning.temporal_plans import TimeEffort, plan_with_times
+from cellwright.engine.stages.instants import breaches
 from cellwright.engine.stages.temporal.bounds import shortest_makespan
 from cellwright.engine.stages.temporal.grounding import ground_times
 from cellwright.kb.model.conditions import And, Literal
@@ -23,11 +25,18 @@ from cellwright.kb.model.durative import (
     TimedChange,
     TimedCondition,
     TimedEffect,
+    TimedPlan,
+    TimedStep,
     rational,
 )
-from cellwright.kb.terms import Function
-from tests.slow_time import Slow
+from cellwright.kb.terms import Function, Term
+from tests.slow_time import Slow, worth
 from tests.timed_examples import CELLAR, FUSES, HATCH, PATROL, ROUND, WINDOW, task_of
+
+
+def length_of(term: Term) -> Fraction:
+    return worth(term, {})
+
 
 FEW = TimeEffort(expansions=3000)
 
@@ -83,6 +92,26 @@ def test_an_object_of_two_types_is_one_of_both(tmp_path: Path) -> None:
     assert task_of(tmp_path, CELLAR, both).problem.objects["f1"] >= {"fuse", "match", "object"}
 
 
+DANCE = """
+(define (domain dance)
+  (:requirements :durative-actions)
+  (:predicates (led) (followed) (danced))
+  (:durative-action lead :parameters () :duration (= ?duration 4)
+    :condition (over all (followed)) :effect (and (at start (led)) (at end (danced))))
+  (:durative-action follow :parameters () :duration (= ?duration 4)
+    :condition (over all (led)) :effect (at start (followed))))
+"""
+STEPS = "(define (problem one) (:domain dance) (:init) (:goal (danced)))"
+
+
+def test_what_can_only_begin_together_is_not_proved_to_be_impossible(tmp_path: Path) -> None:
+    problem = task_of(tmp_path, DANCE, STEPS).problem
+    both = [TimedStep(Fraction(0), Function(name), Fraction(4)) for name in ("lead", "follow")]
+    assert breaches(problem, TimedPlan(tuple(both))) == []
+    outcome = plan_with_times(problem, FEW)
+    assert isinstance(outcome, PlannedInTime) or not outcome.proved
+
+
 CONDITIONAL = """
 (define (domain lamps)
   (:requirements :typing :durative-actions :adl)
@@ -113,6 +142,50 @@ def test_alternatives_that_contradict_each_other_are_no_way_to_a_plan(tmp_path: 
     )
     assert isinstance(outcome, NoPlanInTime)
     assert outcome.proved
+
+
+CHOICE = """
+(define (domain choice) (:requirements :durative-actions :adl)
+  (:predicates (p) (q) (r) (s))
+  (:functions (n))
+  (:durative-action a :parameters () :duration (= ?duration 2)
+    :condition (at start READ) :effect (at end (r)))
+  (:durative-action b :parameters () :duration (= ?duration 2)
+    :condition (at start (p)) :effect (and (at start CHANGE) (at end (s)))))
+"""
+BOTH = """
+(define (problem both) (:domain choice) (:init (p) (q) (= (n) 3)) (:goal (and (r) (s))))
+"""
+
+
+@pytest.mark.parametrize(
+    ("read", "change"),
+    [
+        ("(or (p) (q))", "(not (q))"),
+        ("(or (p) (>= (n) 2))", "(increase (n) 1)"),
+        ("(and (p) (imply (q) (p)))", "(not (q))"),
+        ("(p)", "(p)"),
+        ("(not (s))", "(not (s))"),
+    ],
+)
+def test_what_a_condition_reads_without_need_is_apart_from_who_changes_it(
+    tmp_path: Path, read: str, change: str
+) -> None:
+    domain = CHOICE.replace("READ", read).replace("CHANGE", change)
+    outcome = plan_with_times(task_of(tmp_path, domain, BOTH).problem, FEW)
+    assert isinstance(outcome, PlannedInTime)  # the checker has accepted it
+    assert outcome.plan.makespan == Fraction("2.001")
+
+
+def test_instants_that_change_what_nobody_reads_are_apart_too(tmp_path: Path) -> None:
+    flash = """
+    (define (domain flash) (:requirements :durative-actions :duration-inequalities)
+      (:predicates (lit) (seen))
+      (:durative-action blink :parameters () :duration (<= ?duration 2)
+        :condition () :effect (and (at start (lit)) (at end (not (lit))) (at end (seen)))))
+    """
+    once = "(define (problem once) (:domain flash) (:init) (:goal (seen)))"
+    assert makespan_of(task_of(tmp_path, flash, once).problem) == Fraction("0.001")
 
 
 NAMES = "pqrstu"
@@ -160,6 +233,28 @@ def test_plans_are_right_and_no_shorter_than_the_bound(problem: TemporalProblem)
         assert outcome.bound <= outcome.plan.makespan
     else:
         assert outcome.proved == (shortest_makespan(ground_times(problem)) is None)
+
+
+@given(problems(), st.integers(0, 10**6))
+@settings(max_examples=300, deadline=None)
+def test_a_right_plan_is_no_shorter_than_the_bound(problem: TemporalProblem, seed: int) -> None:
+    chance = random.Random(seed)
+    lengths = {action.name: action.limits[0].amount for action in problem.actions}
+    steps = []
+    for _ in range(chance.randint(1, 4)):
+        name = chance.choice(list(lengths))
+        start = Fraction(chance.randint(0, 8), 2) + Fraction(chance.randint(0, 2), 1000)
+        steps.append(TimedStep(start, Function(name), length_of(lengths[name])))
+    plan = TimedPlan(tuple(sorted(steps, key=lambda step: step.start)))
+    reached = [
+        Literal(Function(name))
+        for name in NAMES
+        if Slow(replace(problem, goal=Literal(Function(name)))).accepts(plan)
+    ]
+    if reached:
+        bound = shortest_makespan(ground_times(replace(problem, goal=And(tuple(reached)))))
+        assert bound is not None
+        assert bound <= plan.makespan
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -1,8 +1,8 @@
 """PDDL with times in: a domain with durative actions and a problem with timed literals (PDDL 2.1
 level 3, PDDL 2.2).
 
-The reader accepts what the reader without times accepts but derived predicates. It refuses
-continuous effects, preferences and constraints by name, with their place.
+The reader accepts what the reader without times accepts, but derived predicates that depend on
+themselves. It refuses continuous effects, preferences and constraints by name, with their place.
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from cellwright.engine.formats.interop.pddl.declared_names import NameMapping
 from cellwright.engine.formats.interop.pddl.durative.actions import ActionReader
 from cellwright.engine.formats.interop.pddl.durative.initial import ProblemReader, is_timed_fact
 from cellwright.engine.formats.interop.pddl.expressions import Document, Group, read_document
+from cellwright.engine.formats.interop.pddl.task_files import DOMAIN, PROBLEM
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput
 from cellwright.kb.model.durative import TemporalProblem
 
@@ -32,7 +33,8 @@ def has_times(domain_path: Path, problem_path: Path) -> bool:
 
     Raises `InvalidInput` for what is no PDDL.
     """
-    domain, problem = read_document(domain_path), read_document(problem_path)
+    domain = read_document(domain_path, DOMAIN)
+    problem = read_document(problem_path, PROBLEM)
     if any(group.head == ":durative-action" for group in _groups(domain)):
         return True
     return any(
@@ -45,9 +47,9 @@ def has_times(domain_path: Path, problem_path: Path) -> bool:
 
 def read_temporal(domain_path: Path, problem_path: Path) -> TemporalTask:
     """The problem in two files. Raises `InvalidInput` with all errors in them."""
-    reader = ActionReader(read_document(domain_path))
+    reader = ActionReader(read_document(domain_path, DOMAIN))
     reader.declare()
-    document = read_document(problem_path)
+    document = read_document(problem_path, PROBLEM)
     problems = ProblemReader(document, reader)
     problem = problems.read()
     if reader.document.found or document.found:

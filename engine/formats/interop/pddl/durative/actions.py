@@ -1,10 +1,14 @@
 """Reads the domain file of a PDDL task with times: declarations and durative actions."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from cellwright.engine.formats.interop.pddl.declared_names import PddlScope, Variables
 from cellwright.engine.formats.interop.pddl.domain_reader import DomainReader
+from cellwright.engine.formats.interop.pddl.durative.definitions import (
+    DerivedDefinitions,
+    replace_variables,
+)
 from cellwright.engine.formats.interop.pddl.durative.numbers import ExactNumbers
 from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, PddlWord
 from cellwright.engine.formats.interop.pddl.keywords import TIMED_DOMAIN
@@ -14,7 +18,15 @@ from cellwright.engine.formats.interop.pddl.numeric_functions import (
     function_of,
 )
 from cellwright.engine.formats.interop.pddl.pddl_conditions import ConditionReader
-from cellwright.kb.model.conditions import ForAll, Literal, Parameter
+from cellwright.kb.model.conditions import (
+    ALWAYS_TRUE,
+    And,
+    Condition,
+    ForAll,
+    Literal,
+    Or,
+    Parameter,
+)
 from cellwright.kb.model.durative import (
     DurationLimit,
     DurativeAction,
@@ -23,6 +35,7 @@ from cellwright.kb.model.durative import (
     TimedCondition,
     TimedEffect,
 )
+from cellwright.kb.terms import Term
 
 MOMENTS = {
     ("at", "start"): Moment.START,
@@ -36,10 +49,41 @@ Local = tuple[Parameter, ...]
 class TimedReader(ConditionReader):
     """Reads conditions and effects with their moments in one document."""
 
-    def __init__(self, document: Document, scope: PddlScope) -> None:
+    def __init__(
+        self, document: Document, scope: PddlScope, definitions: DerivedDefinitions
+    ) -> None:
         super().__init__(document, scope)
         self.exact = ExactNumbers(document, scope.names)
         self.numbers = self.exact
+        self.definitions = definitions
+
+    def _simple(self, at: Group, known: Variables, positive: bool) -> Condition:
+        """A comparison, a literal, or what a derived predicate is defined by."""
+        axioms = self.definitions.axioms.get(at.head)
+        atom = self.atom(at, known) if axioms is not None else None
+        if axioms is None or atom is None:
+            return super()._simple(at, known, positive)
+        if at.head in self.definitions.under_way:
+            said = f"'{at.head}' depends on itself: that is not supported with times"
+            self.document.add(at, "K802", said)
+            return ALWAYS_TRUE
+        parts = [self.defined(axiom, known, positive, atom.arguments) for axiom in axioms]
+        if len(parts) == 1:
+            return parts[0]
+        return (Or if positive else And)(tuple(parts))
+
+    def defined(
+        self, axiom: Group, known: Variables, positive: bool, arguments: Sequence[Term] = ()
+    ) -> Condition:
+        """The condition of an axiom, or the opposite of it, for some arguments."""
+        head = axiom.rest[0]
+        assert isinstance(head, Group)
+        own = self.definitions.parameters(axiom, known)
+        self.definitions.under_way.append(head.head)
+        condition = self.condition(axiom.rest[1], {**known, **own}, positive)
+        self.definitions.under_way.pop()
+        variables = (parameter.variable for parameter in own.values())
+        return replace_variables(condition, dict(zip(variables, arguments, strict=False)))
 
     def timed_conditions(self, at: Expression, known: Variables) -> Iterator[TimedCondition]:
         """The conditions of a durative action, each with its moment."""
@@ -155,6 +199,9 @@ class TimedReader(ConditionReader):
             return None
         negated = at.head == "not" and len(at.rest) == 1
         inner = at.rest[0] if negated else at
+        if isinstance(inner, Group) and inner.head in self.definitions.axioms:
+            said = f"'{inner.head}' is derived: no effect can change it"
+            self.document.add(at, "K103", said, "change what it follows from")
         atom = self.atom(inner, known) if isinstance(inner, Group) else None
         return None if atom is None else Literal(atom, not negated)
 
@@ -205,12 +252,17 @@ class ActionReader(DomainReader):
 
     def __init__(self, document: Document) -> None:
         super().__init__(document)
-        self.timed = TimedReader(document, self.scope)
+        self.definitions = DerivedDefinitions(document, self.scope)
+        self.timed = TimedReader(document, self.scope, self.definitions)
 
     def actions(self) -> tuple[DurativeAction, ...]:
         """The actions of the domain, with and without duration, once the objects of the problem
         are known.
         """
+        self.definitions.collect(self._all(":derived"))
+        for axioms in list(self.definitions.axioms.values()):
+            for axiom in axioms:  # what is wrong in it is told here, at its place
+                self.timed.defined(axiom, {}, True)
         return tuple(
             self._durative(group)
             if group.head == ":durative-action"

@@ -35,7 +35,7 @@ class ProblemReader:
 
     def __init__(self, document: Document, domain: ActionReader) -> None:
         self.document, self.domain, self.scope = document, domain, domain.scope
-        self.reader = TimedReader(document, self.scope)
+        self.reader = TimedReader(document, self.scope, domain.definitions)
         self.sections = {part.head: part for part in document.root.rest if isinstance(part, Group)}
         self.initial: list[Atom] = []
         self.values: dict[Function, Fraction] = {}
@@ -94,6 +94,9 @@ class ProblemReader:
             change = self._value(part)
             if change is not None:
                 self.values[change[0]] = change[1]
+        elif part.head in self.domain.definitions.axioms:
+            said = f"'{part.head}' is derived: no fact can say that it is true"
+            self.document.add(part, "K103", said, "say what it follows from")
         elif (atom := self.reader.atom(part, {})) is not None:
             self.initial.append(atom)
 

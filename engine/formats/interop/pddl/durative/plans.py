@@ -8,6 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from cellwright.engine.formats.interop.pddl.durative import TemporalTask
+from cellwright.engine.formats.interop.pddl.task_files import PLAN, require_file
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, nearest_hint
 from cellwright.kb.files import File, read_file
 from cellwright.kb.model.durative import TimedPlan, TimedStep, decimals
@@ -43,6 +44,7 @@ def read_timed_plan(task: TemporalTask, path: Path) -> TimedPlan:
     time.
     """
     file = read_file(path)
+    require_file(file, PLAN)
     if file.text.lstrip().startswith("{"):
         file = File.of(file.path, _lines_of_json(file))
     wrong: list[Diagnostic] = []
