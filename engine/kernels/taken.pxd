@@ -8,9 +8,9 @@ cdef long long FREE
 
 @cython.final
 cdef class Row:
-    cdef int count, used, held, resources
+    cdef int count, used, held, waiting, resources
     cdef bint whole
-    cdef long long[::1] durations, uses, holds
+    cdef long long[::1] durations, uses, holds, waits
 
 @cython.final
 cdef class Taken:
@@ -39,7 +39,7 @@ cdef class Taken:
     @cython.locals(size=int, place=int, most="long long", row="long long")
     cpdef long long clash(self, int resource, long long begin, long long end) noexcept
 
-    @cython.locals(last=int, _=int, changed=bint, end="long long")
+    @cython.locals(last=int, _=int, waited=int, changed=bint, end="long long")
     cpdef bint raised(self, Row row, long long[::1] starts) except -1
 
     @cython.locals(changed=bint, now="long long", start="long long", until="long long", use=int, act=int, first=int, uses="long long[::1]")
@@ -47,3 +47,6 @@ cdef class Taken:
 
     @cython.locals(changed=bint, hold=int, first=int, last=int, least="long long", until="long long", latest="long long", holds="long long[::1]")
     cdef bint _by_holds(self, Row row, long long[::1] starts, long long end) noexcept
+
+    @cython.locals(changed=int, wait=int, act=int, other=int, least="long long", waits="long long[::1]")
+    cdef int _by_waits(self, Row row, long long[::1] starts) noexcept

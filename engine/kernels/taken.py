@@ -6,8 +6,9 @@ which a sequence of acts fits in.
 Plain Python, compiled with the types in `taken.pxd`. What a resource has is a row of times, in
 order, with how much is taken from each time on. All that is asked of a row of acts can only be
 mended by starting later: an act begins when the one before it has ended, what it uses is free, what
-it holds until a later act is free as long, and what may be held only so long is taken later. So
-there are least starts, and raising starts until nothing is amiss finds them.
+it holds until a later act is free as long, what may be held only so long is taken later, and an act
+that waits for another starts so long after it. So there are least starts, and raising starts until
+nothing is amiss finds them.
 """
 
 from array import array
@@ -20,12 +21,13 @@ FREE = -1  # nothing clashes
 
 
 class Row:
-    """Acts one after another: durations, uses as (act, resource, begin, end), and holds as
-    (resource, first act, begin, came, last act, left, end, most).
+    """Acts one after another: durations, uses as (act, resource, begin, end), holds as
+    (resource, first act, begin, came, last act, left, end, most), and waits as (act, other act,
+    time): the act starts so long after the other one at the earliest.
 
     Times of uses and holds count from the start of their acts. A resource that is not shared is -1.
     A hold without a first act has -1 there, as has one without a last act, and one that may last
-    for ever in place of `most`.
+    for ever in place of `most`. In place of an act that is waited for, or that waits, -1 is time 0.
     """
 
     def __init__(
@@ -34,15 +36,18 @@ class Row:
         uses: Sequence[tuple[int, int, int, int]],
         holds: Sequence[tuple[int, ...]],
         whole: bool,
+        waits: Sequence[tuple[int, int, int]] = (),
     ) -> None:
         self.count, self.whole = len(durations), whole
         self.durations = array("q", [*durations, 0])
-        self.used, self.held = len(uses), len(holds)
+        self.used, self.held, self.waiting = len(uses), len(holds), len(waits)
+        self.waits = array("q", [value for wait in waits for value in wait] or [0])
         self.uses = array("q", [value for use in uses for value in use] or [0])
         self.holds = array("q", [value for hold in holds for value in hold] or [0])
         named = [*(use[1] for use in uses), *(hold[0] for hold in holds)]
         self.resources = 1 + max(named, default=-1)
         acts = [*(use[0] for use in uses), *(each for hold in holds for each in (hold[1], hold[4]))]
+        acts += [act for wait in waits for act in wait[:2]]
         if max(acts, default=0) >= max(1, self.count) or any(len(hold) != 8 for hold in holds):
             raise ValueError("a use or a hold is of an act that is not there")
 
@@ -178,6 +183,11 @@ class Taken:
             end = FOREVER if row.whole else starts[last] + row.durations[last]
             if self._by_holds(row, starts, end):
                 changed = True
+            waited = self._by_waits(row, starts)
+            if waited < 0:
+                return False
+            if waited > 0:
+                changed = True
             if not changed:
                 return True
             if starts[last] >= FOREVER:
@@ -232,4 +242,23 @@ class Taken:
             if least > starts[first]:
                 starts[first] = least
                 changed = True
+        return changed
+
+    def _by_waits(self, row: Row, starts: "array[int]") -> int:
+        """Raise starts for acts that wait for others; whether any was raised, and -1 if time 0
+        would have to be.
+        """
+        changed = 0
+        waits = row.waits
+        for wait in range(0, 3 * row.waiting, 3):
+            act, other = waits[wait], waits[wait + 1]
+            least = waits[wait + 2]
+            if other >= 0:
+                least += starts[other]
+            if act < 0:
+                if least > 0:
+                    return -1
+            elif least > starts[act]:
+                starts[act] = least
+                changed = 1
         return changed

@@ -9,6 +9,8 @@ at that node. Times are integers.
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from cellwright.kb.model.time_windows import TimeOfWork
+
 FOREVER = 1 << 40  # later than any time
 
 
@@ -68,15 +70,52 @@ class Act:
 
 
 @dataclass(frozen=True, slots=True)
+class RouteMoment:
+    """A time in an act of a layer, for each act of it after its start; without a layer the start of
+    the plan.
+    """
+
+    layer: int | None = None
+    offsets: tuple[int, ...] = (0,)
+
+
+@dataclass(frozen=True, slots=True)
+class RouteLag:
+    """`later` comes at least `least` and at most `most` after `earlier`, in one course.
+
+    Each unit of time by which it is broken costs `price`, if there is one.
+    """
+
+    earlier: RouteMoment
+    later: RouteMoment
+    least: int
+    most: int | None = None
+    price: int | None = None
+
+    def breach(self, course: "Course") -> int:
+        """By how much a course breaks it."""
+        times = [
+            0
+            if moment.layer is None
+            else course.starts[moment.layer] + moment.offsets[course.acts[moment.layer].number]
+            for moment in (self.earlier, self.later)
+        ]
+        lasts = times[1] - times[0]
+        return max(0, self.least - lasts, 0 if self.most is None else lasts - self.most)
+
+
+@dataclass(frozen=True, slots=True)
 class Route:
     """Layers of acts from node 0 on.
 
-    `held` are places that the object has at the start, `stays` the longest stays in places.
+    `held` are places that the object has at the start, `stays` the longest stays in places, `lags`
+    the windows between its acts.
     """
 
     layers: tuple[tuple[Act, ...], ...]
     held: tuple[str, ...] = ()
     stays: Mapping[str, int] = field(default_factory=dict)
+    lags: tuple[RouteLag, ...] = ()
 
     @property
     def waits(self) -> tuple[int, ...]:
@@ -118,16 +157,34 @@ class Item:
 @dataclass(frozen=True)
 class Flow:
     """Items on routes, and the capacity of each resource and place; what has no capacity is not
-    shared.
+    shared. `calendars` are resources that any number of acts may use, when they are open.
     """
 
     routes: tuple[Route, ...]
     items: tuple[Item, ...]
     capacity: Mapping[str, int]
+    calendars: Mapping[str, TimeOfWork] = field(default_factory=dict)
+
+    @property
+    def has_windows(self) -> bool:
+        """Whether windows of time or calendars say when acts are done."""
+        return bool(self.calendars) or any(route.lags for route in self.routes)
 
     def route(self, item: int) -> Route:
         """The route of an item."""
         return self.routes[self.items[item].route]
+
+    @property
+    def horizon(self) -> int:
+        """A time by which all is done if it can be, one act after another when calendars allow."""
+        work = sum(item.release for item in self.items)
+        lasts = [
+            sum(max((act.duration for act in layer), default=0) for layer in route.layers)
+            + sum(lag.least for lag in route.lags)
+            for route in self.routes
+        ]
+        work += sum(lasts[item.route] for item in self.items)
+        return max([work, *(calendar.horizon(work) for calendar in self.calendars.values())])
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,4 +257,14 @@ def lateness_of(flow: Flow, courses: Sequence[Course]) -> int:
         item.priority * max(0, course.end - item.due)
         for item, course in zip(flow.items, courses, strict=True)
         if item.due is not None
+    )
+
+
+def price_of(flow: Flow, courses: Sequence[Course]) -> int:
+    """What the windows cost that the courses break."""
+    return sum(
+        lag.price * lag.breach(course)
+        for item, course in zip(flow.items, courses, strict=True)
+        for lag in flow.routes[item.route].lags
+        if lag.price
     )

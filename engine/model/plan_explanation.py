@@ -80,7 +80,8 @@ class Explanation:
     is how many changes that might help were left when a limit was reached. `gaps` say what no
     operator makes true; they are told where no change of facts helps. `fewer` says that any fewer
     of several goals have a plan; else that was not decided. `obstacles` say which facts are in the
-    way, and of which things.
+    way, and of which things. `relaxed` are windows of time with what they would have to allow, so
+    that there is a plan of `relaxed_steps` steps.
     """
 
     status: str
@@ -92,6 +93,8 @@ class Explanation:
     gaps: tuple[str, ...] = ()
     fewer: bool = True
     obstacles: tuple[str, ...] = ()
+    relaxed: tuple[str, ...] = ()
+    relaxed_steps: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from functools import cached_property
 
 from cellwright.engine.model.outcome import GaveUp, Infeasible, Statistics
 from cellwright.engine.model.time_limits import Overstay
+from cellwright.engine.model.window_breaches import OffHours, WindowBreach, WindowSpan
 from cellwright.kb.model.plan_model import Plan, StepId
 
 
@@ -247,7 +248,9 @@ class Timetable:
     among what the makespan is the least, if that is proved. `note` says why steps are not scheduled
     as blocks, if they are not; `overstays` are things that stay too long in a place. No plan at all
     ends before `floor`, as far as that is known. `missed` are the measurements that begin outside
-    their windows, each with when it begins after the start of the tour.
+    their windows, each with when it begins after the start of the tour. `breaches` are windows
+    between events that are not kept, `outside` steps that calendars do not allow at their time;
+    `spans` are all windows with the times of their events.
     """
 
     plan: Plan
@@ -260,3 +263,16 @@ class Timetable:
     missed: Mapping[str, int] = field(default_factory=dict)
     statistics: Statistics = field(default_factory=Statistics)
     floor: int = 0
+    breaches: tuple[WindowBreach, ...] = ()
+    outside: tuple[OffHours, ...] = ()
+    spans: tuple[WindowSpan, ...] = ()
+
+    @property
+    def keeps_hours(self) -> bool:
+        """Whether it keeps every window that must be kept, and all calendars."""
+        return not self.outside and not any(breach.window.is_hard for breach in self.breaches)
+
+    @property
+    def keeps_all(self) -> bool:
+        """Whether it keeps all times that are asked for, also those that have a price."""
+        return not (self.outside or self.breaches or self.overstays)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cellwright.engine.model.part_measurements import measurements_of, names_in_goal
+from cellwright.engine.model.window_breaches import WindowBreach, breach_lines
 from cellwright.kb.model.conditions import Literal
 from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, Plan, StepId
 from cellwright.kb.model.planning_problem import Problem
@@ -78,12 +79,14 @@ class Unmet:
 
     `missed` are the measurements that begin outside their windows, each with when it begins after
     the start of the tour. `turned` are pairs whose second measurement begins before the first.
-    `overstays` are things that stay too long in a place.
+    `overstays` are things that stay too long in a place, `breaches` windows between events that are
+    broken.
     """
 
     missed: Mapping[str, int] = field(default_factory=dict)
     turned: tuple[MeasurementPair, ...] = ()
     overstays: tuple[Overstay, ...] = ()
+    breaches: tuple[WindowBreach, ...] = ()
 
     def entry(self) -> dict[str, Any]:
         """What is not kept, for JSON; empty if everything is."""
@@ -101,6 +104,11 @@ class Unmet:
                 else {}
             )
             | stays
+            | (
+                {"broken_windows": [each.entry() for each in self.breaches]}
+                if self.breaches
+                else {}
+            )
         )
 
     def lines(self, unit: str) -> Iterator[str]:
@@ -117,6 +125,7 @@ class Unmet:
                 f"{', '.join(names)}{_and_more(len(self.turned))}."
             )
         yield from overstay_lines(self.overstays, unit)
+        yield from breach_lines(self.breaches, unit)
 
 
 def windows_of(facts: Iterable[Sequence[Term]]) -> dict[str, MeasurementWindow]:

@@ -8,6 +8,11 @@ from cellwright.kb.check.near_misses import (
     never_given_back,
     read_by_engine,
 )
+from cellwright.kb.check.time_window_check import (
+    contradictory_windows,
+    idle_calendars,
+    idle_windows,
+)
 from cellwright.kb.commands.ambiguous_phrases import unclear_words
 from cellwright.kb.commands.phrase_meanings import spoken_of
 from cellwright.kb.diagnostics import Diagnostic
@@ -15,6 +20,7 @@ from cellwright.kb.model.conditions import Aggregate, Condition, all_conditions,
 from cellwright.kb.model.domain_model import Domain, Effect, Kind, Operator
 from cellwright.kb.model.operator_amounts import number_terms
 from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.model.time_windows import TimeWindow
 from cellwright.kb.terms import Atom, Term, is_ground, stage_parts
 
 
@@ -78,6 +84,7 @@ def _unused_predicates(domain: Domain, problems: Collection[Problem]) -> Iterato
         *_read_predicates(domain),
         *_changed_predicates(domain),
         *_aggregated_predicates(domain),
+        *_timed_predicates(domain.windows),
         *_problem_predicates(problems),
         *read_by_engine(domain),
     }
@@ -121,6 +128,12 @@ def _problem_predicates(problems: Collection[Problem]) -> Iterator[str]:
         )
         yield from (atom.name for atom in (*problem.statics, *problem.initial, *stages))
         yield from (literal.atom.name for literal in literals_in(problem.goal))
+        yield from _timed_predicates(problem.windows)
+
+
+def _timed_predicates(windows: Collection[TimeWindow]) -> Iterator[str]:
+    """The predicates that windows of time are about."""
+    return (pattern.atom.name for w in windows for pattern in (w.earlier, w.later))
 
 
 def _never_added(
@@ -129,6 +142,9 @@ def _never_added(
     added = {*_added_predicates(domain), *happening} | {
         fact.name for problem in problems for fact in problem.initial
     }
+    yield from idle_windows(domain, problems, added)
+    yield from contradictory_windows(domain, problems)
+    yield from idle_calendars(domain, problems)
     for name in dict.fromkeys(_read_predicates(domain)):
         predicate = domain.predicates.get(name)
         if predicate and predicate.kind is Kind.FLUENT and name not in added:

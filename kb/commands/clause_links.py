@@ -14,6 +14,7 @@ from cellwright.kb.commands.phrase_patterns import (
     verb_participles,
 )
 from cellwright.kb.commands.sentence_pieces import SentenceReader, SlotWords
+from cellwright.kb.commands.time_words import SaidTime, times_before_acts, times_behind_acts
 
 
 def _split_sayings(text: str) -> tuple[tuple[str, ...], ...]:
@@ -128,6 +129,14 @@ def clause_beginnings(
         yield from ((begin, False, link) for begin in (end, comma) if begin is not None)
 
 
+def timed_endings(
+    said: SentenceReader, place: int, is_first: bool
+) -> Iterator[tuple[int, bool, str, SaidTime | None]]:
+    """`clause_endings`, also behind "within 10 min", with this time."""
+    yield from ((*ending, None) for ending in clause_endings(said, place, is_first))
+    yield from ((end, False, "", time) for end, time in times_behind_acts(said, place))
+
+
 def clause_endings(
     said: SentenceReader, place: int, is_first: bool
 ) -> Iterator[tuple[int, bool, str]]:
@@ -158,12 +167,13 @@ AFTER_SAYINGS = _split_sayings(
 BEFORE_SAYINGS = _split_sayings("before | prior to | right before | shortly before")
 
 
-def link_beginnings(said: SentenceReader, place: int) -> Iterator[tuple[int, str]]:
+def link_beginnings(said: SentenceReader, place: int) -> Iterator[tuple[int, str, SaidTime | None]]:
     """Where an act can begin that another one comes after or before: behind "after", "once",
-    "before".
+    "before", "within 10 min of"; with the time between them.
     """
-    yield from ((end, "after") for end in _saying_ends(said, place, AFTER_SAYINGS))
-    yield from ((end, "before") for end in _saying_ends(said, place, BEFORE_SAYINGS))
+    yield from ((end, "after", None) for end in _saying_ends(said, place, AFTER_SAYINGS))
+    yield from ((end, "before", None) for end in _saying_ends(said, place, BEFORE_SAYINGS))
+    yield from ((end, "after", time) for end, time in times_before_acts(said, place))
 
 
 def ends_sentence(said: SentenceReader, place: int, polite: bool) -> bool:

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 from cellwright.kb.commands.clause_links import (
     ClauseJoint,
     clause_beginnings,
-    clause_endings,
     ends_sentence,
     find_joints,
     link_beginnings,
     linked_acts,
     repeated_acts,
+    timed_endings,
     wished_acts,
 )
 from cellwright.kb.commands.phrase_matching import (
@@ -34,6 +34,7 @@ from cellwright.kb.commands.phrase_patterns import (
     PhraseForm,
 )
 from cellwright.kb.commands.sentence_pieces import SentencePiece, SentenceReader, SlotWords
+from cellwright.kb.commands.time_words import SaidTime
 from cellwright.kb.model.domain_model import NUMERIC_TYPES
 
 LINK_KINDS = ("after", "before")
@@ -50,7 +51,9 @@ class Clause:
     before the clause before it: "but first open the drawer". `again` means that it stands in short
     for an act that was said before, `passive` that it says what should be done. `marked` says that
     a comma or "and" precedes it, `stop` that a sentence or half of one begins with it. `waits` has
-    the offsets of the clauses that it waits for.
+    the offsets of the clauses that it waits for. `time` is the time that passes between a clause
+    that follows "within 10 min of" and its act, or between the act before and a clause that has
+    "within 10 min" behind it.
     """
 
     form: PhraseForm
@@ -63,6 +66,7 @@ class Clause:
     waits: frozenset[int] = frozenset()
     again: bool = False
     passive: bool = False
+    time: SaidTime | None = None
 
     @property
     def slots(self) -> dict[str, SlotWords]:
@@ -186,16 +190,16 @@ class ClauseSearch:
                 for match in (*matches, *self._short(earlier, begin)):
                     if earlier is not None or not place:
                         yield from self._ended(earlier, joint, begin, match, place, polite)
-        for begin, act_link in self._links(joint, link):
+        for begin, act_link, time in self._links(joint, link):
             for match in (*linked_acts(self.matcher, begin), *self._again(earlier, begin)):
-                yield from self._ended(earlier, joint, joint.end, match, act_link)
+                yield from self._ended(earlier, joint, joint.end, match, act_link, time=time)
 
-    def _links(self, joint: ClauseJoint, link: str) -> Iterator[tuple[int, str]]:
+    def _links(self, joint: ClauseJoint, link: str) -> Iterator[tuple[int, str, SaidTime | None]]:
         """Where an act that another one comes after or before can begin; or one more of the
         same kind.
         """
         if link and joint.marked and not joint.then:
-            yield joint.end, link
+            yield joint.end, link, None
         yield from link_beginnings(self.said, joint.end)
 
     def _ended(
@@ -206,11 +210,14 @@ class ClauseSearch:
         match: Match,
         link: str,
         polite: bool = False,
+        time: SaidTime | None = None,
     ) -> Iterator[_Reading]:
         offset = self.said.pieces[self.said.start(begin)].offset
         cost, count, order = earlier.cost if earlier is not None else (0, 0, 0)
         cost += match.cost + self.matcher.unfit(match) + (MOVED if match.form.moved else 0)
-        for end, last, place in clause_endings(self.said, match.end, earlier is None):
+        for end, last, place, behind in timed_endings(self.said, match.end, earlier is None):
+            if behind is not None and link:
+                continue
             if (
                 match.values
                 and match.values[-1].but
@@ -236,6 +243,7 @@ class ClauseSearch:
                 joint.stop,
                 again=match.again,
                 passive=match.passive,
+                time=time or behind,
             )
             again = earlier is not None and match.form.phrase == earlier.clause.form.phrase
             phrase = -1 if match.shared and again else match.form.phrase

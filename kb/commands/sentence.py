@@ -43,10 +43,12 @@ from cellwright.kb.commands.phrase_patterns import (
 from cellwright.kb.commands.refusals import explain_misunderstanding
 from cellwright.kb.commands.sentence_pieces import SlotWords, UnclearReference
 from cellwright.kb.commands.swaps import StartPlaces, swap_meanings
+from cellwright.kb.commands.time_words import SaidTime
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.model.conditions import And, Condition, Literal
 from cellwright.kb.model.domain_model import NUMERIC_TYPES, Domain, Kind
 from cellwright.kb.model.planning_problem import Chain, Problem, lasting_fluents
+from cellwright.kb.model.time_windows import PLAN, EventKind, EventPattern, Side, TimeWindow
 from cellwright.kb.syntax import MAX_EXPRESSION_INTEGER, unit_seconds
 from cellwright.kb.terms import (
     Atom,
@@ -73,8 +75,8 @@ def understand_command(
     Raises `InvalidInput`.
     """
     problem = target if isinstance(target, Problem) else Problem("command", target)
-    goal, chains = read_sentence(problem, text, place or command_line_place(text))
-    return replace(problem, goal=goal, chains=chains)
+    goal, chains, windows = read_sentence(problem, text, place or command_line_place(text))
+    return replace(problem, goal=goal, chains=chains, windows=(*problem.windows, *windows))
 
 
 def command_line_place(text: str) -> Callable[[int], Source]:
@@ -90,8 +92,8 @@ def command_line_place(text: str) -> Callable[[int], Source]:
 
 def read_sentence(
     problem: Problem, text: str, place: Callable[[int], Source]
-) -> tuple[Condition, tuple[Chain, ...]]:
-    """The goal and the chains of a sentence. Raises `InvalidInput`."""
+) -> tuple[Condition, tuple[Chain, ...], tuple[TimeWindow, ...]]:
+    """The goal, the chains and the windows of time of a sentence. Raises `InvalidInput`."""
     domain = problem.domain
     if not domain.phrases:
         hint = "declare phrases under `commands:`, or give goals"
@@ -196,8 +198,10 @@ class _Sentence:
         self.start = StartPlaces(problem, vocabulary.objects)
         self.known, self.vocabulary, self.place = known, vocabulary, place
 
-    def arranged(self, clauses: Sequence[Clause]) -> tuple[Condition, tuple[Chain, ...]]:
-        """The goal and the chains."""
+    def arranged(
+        self, clauses: Sequence[Clause]
+    ) -> tuple[Condition, tuple[Chain, ...], tuple[TimeWindow, ...]]:
+        """The goal, the chains and the windows of time."""
         values, unclear = self._resolved(clauses)
         in_time = in_order_of_time(clauses, {})
         if unclear and in_time != list(clauses):  # "before storing it, heat probe 1"
@@ -224,7 +228,8 @@ class _Sentence:
         self._refuse_repeated(acts, in_time)
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
         try:
-            return arrange_acts(acts, exclusion.apart, exclusion.interrupted)
+            goal, chains = arrange_acts(acts, exclusion.apart, exclusion.interrupted)
+            return goal, chains, tuple(self._windows(clauses, in_time, asked))
         except NoOrder as error:
             clause = in_time[error.clause]
             meaning = self.known[clause.form.phrase]
@@ -237,6 +242,68 @@ class _Sentence:
                 "give it as a separate command, or let its phrase mean a fluent that is true then"
             )
             raise InvalidInput([Diagnostic(where, "K604", message, hint)]) from None
+
+    def _windows(
+        self,
+        clauses: Sequence[Clause],
+        in_time: Sequence[Clause],
+        asked: Mapping[int, Sequence[SentenceAct]],
+    ) -> Iterator[TimeWindow]:
+        """What is said of the time between acts."""
+        for clause in clauses:
+            if clause.time is None:
+                continue
+            for earlier, later in _timed_acts(clause, in_time, asked):
+                for one, other in _of_one_subject(earlier, later):
+                    yield self._window(clause.time, one, other)
+            if not clause.link and in_time[0].offset == clause.offset:
+                yield from (self._deadline(clause.time, act) for act in asked[clause.offset])
+
+    def _window(self, time: SaidTime, earlier: SentenceAct, later: SentenceAct) -> TimeWindow:
+        """The window between two acts: from an end of the earlier one to the start of the later
+        one.
+        """
+        least, most = (
+            None if limit is None else self._units(limit, time) for limit in (time.least, time.most)
+        )
+        return TimeWindow(
+            self._event(earlier.literals[-1], time.side, time),
+            self._event(later.literals[0], None, time),
+            least,
+            most,
+            where=self.place(time.offset),
+        )
+
+    def _deadline(self, time: SaidTime, act: SentenceAct) -> TimeWindow:
+        """The window from the start of the plan to the end of an act."""
+        most = None if time.most is None else self._units(time.most, time)
+        last = self._event(act.literals[-1], Side.END, time)
+        start = EventPattern(EventKind.PLAN, PLAN, Side.START)
+        return TimeWindow(start, last, None, most, where=self.place(time.offset))
+
+    def _event(self, literal: Literal, side: Side | None, time: SaidTime) -> EventPattern:
+        """The event of an act; without a side, events count from their start, facts from when they
+        change.
+        """
+        kind = self.domain.predicates[literal.atom.name].kind
+        if kind is Kind.EVENT:
+            return EventPattern(EventKind.EVENT, literal.atom, side or Side.START)
+        if kind is not Kind.FLUENT:
+            message = f"no time can be counted with {literal.atom}, which no step makes true"
+            hint = "name an act that is an event or changes a fact"
+            raise InvalidInput([Diagnostic(self.place(time.offset), "K604", message, hint)])
+        happens = EventKind.FACT if literal.positive else EventKind.ENDING
+        return EventPattern(happens, literal.atom, side or Side.END)
+
+    def _units(self, seconds: Fraction, time: SaidTime) -> int:
+        unit = self.domain.time_unit
+        value = seconds / (unit_seconds(unit) or Fraction(1))
+        if int(value) == value and value <= MAX_EXPRESSION_INTEGER:
+            return int(value)
+        message = f"'{time.text}' is not a whole number of the domain's unit of time, or too large"
+        raise InvalidInput(
+            [Diagnostic(self.place(time.offset), "K603", message, f"the unit is {unit}")]
+        )
 
     def _refuse_repeated(self, acts: Sequence[SentenceAct], clauses: Sequence[Clause]) -> None:
         repeated = asked_again(acts, lasting_fluents(self.domain))
@@ -518,6 +585,36 @@ def _say_once(clauses: Sequence[Clause], asked: dict[int, list[SentenceAct]]) ->
         for earlier_clause in clauses[:number]:
             acts_left = [act for act in asked[earlier_clause.offset] if act.literals not in first]
             asked[earlier_clause.offset] = acts_left or asked[earlier_clause.offset]
+
+
+def _timed_acts(
+    clause: Clause, in_time: Sequence[Clause], asked: Mapping[int, Sequence[SentenceAct]]
+) -> list[tuple[Sequence[SentenceAct], Sequence[SentenceAct]]]:
+    """The earlier and the later acts between which the time passes that a clause says."""
+    own = asked[clause.offset]
+    if clause.link:
+        mains = (main for main in in_time if clause.offset in main.waits)
+        return [(own, asked[main.offset]) for main in mains]
+    offsets = [other.offset for other in in_time]
+    before = [asked[offset] for offset in offsets[: offsets.index(clause.offset)]]
+    return [(_last_acts(before, own), own)]
+
+
+def _last_acts(
+    before: Sequence[Sequence[SentenceAct]], own: Sequence[SentenceAct]
+) -> Sequence[SentenceAct]:
+    """The acts of the last clause before that has one of the same subjects; else of the last."""
+    subjects = {act.subject for act in own}
+    same = [acts for acts in before if subjects & {act.subject for act in acts}]
+    return (same or before)[-1] if before else ()
+
+
+def _of_one_subject(
+    earlier: Sequence[SentenceAct], later: Sequence[SentenceAct]
+) -> list[tuple[SentenceAct, SentenceAct]]:
+    """The pairs of acts about the same thing; all pairs if there are none."""
+    pairs = list(itertools.product(earlier, later))
+    return [(one, other) for one, other in pairs if one.subject == other.subject] or pairs
 
 
 def _act_key(act: SentenceAct, again: bool) -> object:

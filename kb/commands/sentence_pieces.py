@@ -226,8 +226,10 @@ class SentenceReader:
         self.note(place, A_NUMBER)
         return None
 
-    def time(self, place: int) -> tuple[int, Fraction, str] | None:
-        """The place after a time, its seconds, and its text."""
+    def time(self, place: int, hint: bool = True) -> tuple[int, Fraction, str] | None:
+        """The place after a time, its seconds, and its text. With `hint`, a time is told to be
+        possible here.
+        """
         for begin in self.starts(place):
             offset = self.pieces[begin].offset
             if time := time_at(self.text, offset):
@@ -235,7 +237,8 @@ class SentenceReader:
                 while end < len(self.pieces) and self.pieces[end].offset < time[0]:
                     end += 1
                 return end, time[1], self.text[offset : time[0]].rstrip(".")
-        self.note(place, A_TIME)
+        if hint:
+            self.note(place, A_TIME)
         return None
 
     def offset(self, place: int) -> int:

@@ -26,6 +26,8 @@ COMPLETION_KIND_NAMES = {
     "defaults": ("fluent",),
     "stages": ("fluent", "event"),
     "stage": ("fluent", "event"),
+    "windows": ("fluent", "event"),
+    "keep": ("fluent", "event"),
     "goal": ("fluent", "derived predicate", "static", "quantity"),
 }
 """For some keys of a file: the kinds of predicates that are allowed there; elsewhere all that
@@ -70,7 +72,7 @@ def _in_yaml(index: NameIndex, file: FileIndex, offset: int, at: Context) -> Ite
         for value_name in values_at(file.kind, at.path)
     )
     match shape.role:
-        case Role.ATOMS | Role.TERMS | Role.STEP:
+        case Role.ATOMS | Role.TERMS | Role.STEP | Role.WINDOW | Role.WORKER:
             section = str(next((part for part in reversed(at.path) if part != 0), ""))
             allowed = COMPLETION_KIND_NAMES.get(
                 section, (*READABLE_DETAILS, "event") if file.kind == "faults" else READABLE_DETAILS
@@ -144,7 +146,7 @@ def _expression_completions(
     rest = before[: len(before) - len(partial)]
     if rest.count('"') % 2:
         return
-    here = mentions_in(f"{rest}zz", asp, role is not Role.ATOMS)[-1:]
+    here = mentions_in(f"{rest}zz", asp, role not in (Role.ATOMS, Role.WINDOW))[-1:]
     if not here or here[0].start != len(rest):
         return
     place = here[0]
@@ -159,6 +161,10 @@ def _expression_completions(
         yield from _predicate_completions(index, allowed, len(partial), asp)
     else:
         yield from _term_completions(index, "object", len(partial))
+    if not place.head and role in (Role.WINDOW, Role.WORKER):
+        yield from (
+            _call_completion(declared, len(partial)) for declared in index.of_space("operator")
+        )
     yield from _variable_completions(file, offset, len(partial))
 
 

@@ -173,6 +173,8 @@ _OCCURRENCE_SPACES = {
     "function": ("function", "predicate", "operator"),
     "object": ("object", "predicate", "operator", "type"),
     "operator": ("operator",),
+    "event": ("predicate", "operator"),  # of a window of time
+    "worker": ("operator", "object", "function"),  # of a calendar
 }
 """For the space that a place suggests: the spaces in which the name is looked for, in this
 order.

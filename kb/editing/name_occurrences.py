@@ -16,6 +16,10 @@ from cellwright.kb.loader.yaml_tree import YamlNode
 
 MAX_RANGE_NAMES = 10_000  # names of one range that are told apart
 NUMBERED_NAMES = re.compile(r"([a-z][A-Za-z0-9_]*?)([0-9]{1,9})\.\.(?:\1)?([0-9]{1,9})")
+WINDOW_WORDS = {
+    *("at", "least", "most", "and", "exactly", "up", "price"),
+    *("from", "to", "start", "end", "of", "step", "plan"),
+}  # words of a window of time that name nothing
 PHRASE_SLOT = re.compile(r"\{\s*([A-Z_]\w*)\s*(?::\s*([a-z]\w*))?\s*\}")
 
 
@@ -152,6 +156,20 @@ class _ShapeReader:
                 "" if mention.head or mention.variable else "operator",
             )
 
+    def window(self, node: YamlNode, doing: str, _key: str, _value: YamlNode | None) -> None:
+        before = ""
+        for mention in mentions_in(node.value):
+            if mention.head or mention.variable:
+                self.mentioned(node, mention, doing)
+            elif mention.called or mention.name not in WINDOW_WORDS:
+                self.mentioned(node, mention, doing, "operator" if before == "step" else "event")
+            before = "" if mention.head or mention.variable else mention.name
+
+    def worker(self, node: YamlNode, doing: str, _key: str, _value: YamlNode | None) -> None:
+        for mention in mentions_in(node.value, terms=True):
+            inner = mention.head or mention.variable
+            self.mentioned(node, mention, doing, "" if inner else "worker")
+
     def signature(self, node: YamlNode, doing: str, _key: str, value: YamlNode | None) -> None:
         found_mentions = mentions_in(node.value)
         if not found_mentions or found_mentions[0].variable:
@@ -272,6 +290,8 @@ _ROLE_READERS: dict[Role, Callable[[_ShapeReader, YamlNode, str, str, YamlNode |
     Role.ATOMS: _ShapeReader.atoms,
     Role.TERMS: _ShapeReader.terms,
     Role.STEP: _ShapeReader.step,
+    Role.WINDOW: _ShapeReader.window,
+    Role.WORKER: _ShapeReader.worker,
     Role.SIGNATURE: _ShapeReader.signature,
     Role.HEADER: _ShapeReader.header,
     Role.TYPE: _read_type,

@@ -28,6 +28,8 @@ class Role(Enum):
     PATTERN = auto()  # a sentence with slots, {Variable:type}
     SENTENCE = auto()  # a command in words
     TITLE = auto()  # the name of the file itself, or of an entry of it
+    WINDOW = auto()  # a window of time between two events
+    WORKER = auto()  # a resource, or a step
     TEXT = auto()
 
 
@@ -131,6 +133,18 @@ PHRASE_SHAPE = ScalarShape(
     }
 )
 _USES_SHAPE = mapping_of(Role.DEVICE, ScalarShape(keys={"device": ScalarShape(Role.DEVICE)}))
+WINDOW_SHAPE = ScalarShape(
+    Role.WINDOW,
+    "timed",
+    keys={
+        "keep": ScalarShape(Role.WINDOW, "timed"),
+        "for": mapping_of(Role.VARIABLE, list_of(THING)),
+    },
+)
+TIME_SHAPES = {
+    "windows": list_of(WINDOW_SHAPE),
+    "calendars": list_of(ScalarShape(keys={"of": ScalarShape(Role.WORKER, "timed")})),
+}
 DOMAIN_SHAPE = ScalarShape(
     keys={
         "domain": TITLE_SHAPE,
@@ -148,6 +162,7 @@ DOMAIN_SHAPE = ScalarShape(
         "defaults": list_of(GIVEN),
         "operators": mapping_of(Role.HEADER, OPERATOR_SHAPE),
         "deductive_operators": list_of(DEDUCTIVE_SHAPE),
+        **TIME_SHAPES,
         "conventions": ScalarShape(other=ScalarShape(Role.PREDICATE, "named")),
         "commands": ScalarShape(
             keys={
@@ -183,6 +198,7 @@ PROBLEM_SHAPE = ScalarShape(
                 }
             )
         ),
+        **TIME_SHAPES,
         "command": ScalarShape(Role.SENTENCE),
     }
 )

@@ -15,6 +15,7 @@ from cellwright.kb.loader.device_uses import compose_devices, composed_beside
 from cellwright.kb.loader.operator_reader import read_operators
 from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
 from cellwright.kb.loader.symbol_table import SymbolTable
+from cellwright.kb.loader.time_windows import TimeReader
 from cellwright.kb.loader.yaml_tree import YamlNode
 from cellwright.kb.model.condition_forms import with_named_values
 from cellwright.kb.model.domain_model import (
@@ -172,13 +173,15 @@ def read_domain(
     read_declarations(reader, names)
     asp, rules = read_rules(reader, names, path.parent)
     motion = read_motion(reader, names)
+    operators = read_operators(reader, names)
+    times = TimeReader(reader, names, {operator.name: operator for operator in operators})
     domain = Domain(
         str(reader.root.descend(("domain",)).value),
         names.types,
         names.functions,
         dict(names.objects),
         names.predicates,
-        operators=read_operators(reader, names),
+        operators=operators,
         deductive_operators=read_deductive_operators(reader, names),
         defaults=read_defaults(reader, names),
         asp=tuple(asp),
@@ -191,6 +194,8 @@ def read_domain(
         path=str(path),
         renamed=read_conventions(reader, names),
         quantities=names.quantities,
+        windows=tuple(times.windows()),
+        calendars=tuple(times.calendars()),
         tools=tuple(dict.fromkeys(str(node.value) for node in reader.items("tools"))) or RUN_TOOLS,
     )
     for diagnostic in check_phrases(domain, reader.place_under("commands")):

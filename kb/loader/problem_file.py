@@ -13,6 +13,7 @@ from cellwright.kb.loader.declarations import read_objects
 from cellwright.kb.loader.numeric_expressions import with_values
 from cellwright.kb.loader.reader import Expression, LoadFindings, Reader
 from cellwright.kb.loader.symbol_table import CONDITION_KINDS, SymbolTable
+from cellwright.kb.loader.time_windows import TimeReader
 from cellwright.kb.loader.variable_types import Typing, has_arithmetic, scope_conditions
 from cellwright.kb.loader.yaml_tree import YamlNode
 from cellwright.kb.model.condition_forms import free_variables
@@ -209,6 +210,7 @@ def read_problem(
     reader.time_unit = domain.time_unit
     names = dataclasses.replace(domain_names, findings=findings).extended(domain.objects)
     objects = read_objects(reader, names)
+    times = TimeReader(reader, names, {each.name: each for each in domain.operators})
     problem = Problem(
         str(reader.root.descend(("problem",)).value),
         domain,
@@ -218,6 +220,8 @@ def read_problem(
         goal=_read_goal(reader, names),
         chains=tuple(read_chains(reader, names)),
         durations=_read_durations(reader, domain, names),
+        windows=tuple(times.windows()),
+        calendars=tuple(times.calendars()),
         complete=reader.text("complete") == "true",
         path=reader.root.file.path,
         where=reader.root.where,

@@ -18,6 +18,7 @@ from cellwright.kb.model.conditions import (
     StateAggregate,
 )
 from cellwright.kb.model.statement import Statement
+from cellwright.kb.model.time_windows import TimeOfWork, TimeWindow
 from cellwright.kb.terms import Atom, Function, Term, Variable
 
 if TYPE_CHECKING:
@@ -319,6 +320,8 @@ class Domain:
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     tools: tuple[str, ...] = RUN_TOOLS  # what a run plans with, the preferred ones first
     unit_of_cost: int = 1  # costs of operators count in parts of 1, so that all are whole
+    windows: tuple[TimeWindow, ...] = ()
+    calendars: tuple[TimeOfWork, ...] = ()
     further_parents: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # types with several parents: those beside `Type.parent`

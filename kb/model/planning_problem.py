@@ -8,6 +8,7 @@ from typing import Protocol
 from cellwright.kb.diagnostics import NOWHERE, Source
 from cellwright.kb.model.conditions import ALWAYS_TRUE, Condition
 from cellwright.kb.model.domain_model import Domain, Kind
+from cellwright.kb.model.time_windows import TimeOfWork, TimeWindow
 from cellwright.kb.terms import Atom, Function, Term, is_ground, join_stage, match_term, stage_parts
 
 
@@ -55,6 +56,18 @@ class Problem:
     path: str = ""
     where: Source = field(default=NOWHERE, compare=False)
     durations: Mapping[Function, int] = field(default_factory=dict)
+    windows: tuple[TimeWindow, ...] = ()
+    calendars: tuple[TimeOfWork, ...] = ()
+
+    @property
+    def all_windows(self) -> tuple[TimeWindow, ...]:
+        """The windows of the domain and of the problem, each once."""
+        return tuple(dict.fromkeys((*self.domain.windows, *self.windows)))
+
+    @property
+    def all_calendars(self) -> tuple[TimeOfWork, ...]:
+        """The calendars of the domain and of the problem."""
+        return (*self.domain.calendars, *self.calendars)
 
     def replace(self, initial: tuple[Atom, ...]) -> "Problem":
         """The same problem from an observed state, which is taken as complete."""

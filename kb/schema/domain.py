@@ -14,6 +14,12 @@ from cellwright.kb.schema.form_base import (
     VariableTypes,
     WholeNumber,
 )
+from cellwright.kb.schema.time_forms import (
+    CALENDARS_ABOUT,
+    WINDOWS_ABOUT,
+    CalendarEntry,
+    WindowEntry,
+)
 
 
 class StaticEntry(Strict):
@@ -370,6 +376,8 @@ class Sections(Strict):
     timeouts: TimeoutsEntry | None = Field(
         None, description="after how long without a reply commands are given up"
     )
+    windows: list[str | WindowEntry] = Field(default_factory=list, description=WINDOWS_ABOUT)
+    calendars: list[CalendarEntry] = Field(default_factory=list, description=CALENDARS_ABOUT)
     commands: CommandsEntry = Field(
         default_factory=lambda: CommandsEntry(), description="words and phrases that people use"
     )

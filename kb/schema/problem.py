@@ -3,6 +3,12 @@
 from pydantic import Field
 
 from cellwright.kb.schema.form_base import Expression, Facts, Names, Strict, Truth, WholeNumber
+from cellwright.kb.schema.time_forms import (
+    CALENDARS_ABOUT,
+    WINDOWS_ABOUT,
+    CalendarEntry,
+    WindowEntry,
+)
 
 
 class WorkflowEntry(Strict):
@@ -58,6 +64,8 @@ class ProblemFile(Strict):
     workflow: list[WorkflowEntry] = Field(
         default_factory=list, description="stages that must be reached in order"
     )
+    windows: list[str | WindowEntry] = Field(default_factory=list, description=WINDOWS_ABOUT)
+    calendars: list[CalendarEntry] = Field(default_factory=list, description=CALENDARS_ABOUT)
     command: str | None = Field(
         None, description="a command in words, instead of goals and workflow"
     )

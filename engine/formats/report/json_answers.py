@@ -185,6 +185,8 @@ def problem_entry(problem: Problem, domain: str) -> dict[str, Any]:
             map(str, problem.goal.parts if isinstance(problem.goal, And) else (problem.goal,))
         ),
         "workflow": [chain_entry(chain) for chain in problem.chains],
+        "windows": [window.entry() for window in problem.windows],
+        "calendars": [calendar.entry() for calendar in problem.calendars],
     }
     return {key: value for key, value in entry.items() if value}
 

@@ -10,6 +10,7 @@ from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.outcome import Found, Infeasible, Outcome
 from cellwright.engine.model.plan_explanation import Amendment, Explanation
+from cellwright.engine.model.window_breaches import WindowBreach
 from cellwright.engine.pipelines.explanation.amendments import apply_amendment
 from cellwright.engine.pipelines.explanation.blocked_steps import (
     conflicting_needs,
@@ -48,6 +49,8 @@ Proved = tuple[Amendment, Found]
 def explain_infeasibility(problem: Problem, limits: SearchLimits = SearchLimits()) -> Explanation:
     """Why a problem has no plan. Raises `InvalidInput` for a problem that does not ground."""
     outcome = checked_plan.plan_problem(problem, limits)
+    if isinstance(outcome, Found) and (reason := _window_in_the_way(problem, limits)):
+        return reason
     if isinstance(outcome, Found):
         return Explanation(
             "feasible", reason=f"there is a plan of {count_noun(len(outcome.plan.steps), 'step')}"
@@ -55,6 +58,39 @@ def explain_infeasibility(problem: Problem, limits: SearchLimits = SearchLimits(
     if not isinstance(outcome, Infeasible):
         return Explanation("unknown", reason=outcome.reason)
     return _InfeasibilityInquiry(problem, limits, ground(problem)).explanation(outcome.reason)
+
+
+def _window_in_the_way(problem: Problem, limits: SearchLimits) -> Explanation | None:
+    """Why no plan keeps windows and calendars, though there are plans; None if one keeps them."""
+    if not problem.all_windows and not problem.all_calendars:
+        return None
+    # loads what schedules
+    from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
+    from cellwright.engine.pipelines.planning.window_keeping import with_prices
+
+    outcome = plan_for_objective(problem, limits).outcome
+    if isinstance(outcome, Found):
+        return None
+    status = "infeasible" if isinstance(outcome, Infeasible) else "unknown"
+    run = plan_for_objective(with_prices(problem), limits)
+    if not isinstance(run.outcome, Found) or run.timetable is None:
+        return Explanation(status, reason=outcome.reason)
+    return Explanation(
+        status,
+        reason=outcome.reason,
+        relaxed=tuple(_widest(problem, run.timetable.breaches)),
+        relaxed_steps=len(run.outcome.plan.steps),
+    )
+
+
+def _widest(problem: Problem, breaches: Sequence[WindowBreach]) -> Iterator[str]:
+    """For each window that must be kept, in words, where it is broken most."""
+    for window in (window for window in problem.all_windows if window.is_hard):
+        own = [breach for breach in breaches if replace(breach.window, price=None) == window]
+        if own:
+            worst = replace(max(own, key=lambda breach: breach.amount), window=window)
+            more = f"; and {len(own) - 1} more of this window" if len(own) > 1 else ""
+            yield worst.text(problem.domain.time_unit) + more
 
 
 @dataclass(frozen=True, slots=True)

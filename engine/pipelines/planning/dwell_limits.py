@@ -96,9 +96,11 @@ def wishes_for(known: Semantics, *plans: Plan) -> Wishes:
 
     Where steps spend the declared travel time themselves, there is none between steps.
     """
-    domain, stated = (
-        known.problem.domain,
-        wishes_of(known.statics, known.problem.domain.conventions),
+    problem, domain = known.problem, known.problem.domain
+    stated = replace(
+        wishes_of(known.statics, domain.conventions),
+        between=problem.all_windows,
+        calendars=problem.all_calendars,
     )
     if travels_itself(domain):
         return replace(stated, travel={}, stops=frozenset())
@@ -109,7 +111,7 @@ def wishes_for(known: Semantics, *plans: Plan) -> Wishes:
     mentioned = tuple(
         t for t in terms if t in stated.stops or (domain.motion and _is_place(known.amounts, t))
     )
-    travel = TravelWays(mentioned, stated.travel, known.amounts, known.problem.where)
+    travel = TravelWays(mentioned, stated.travel, known.amounts, problem.where)
     return replace(stated, travel=travel, stops=stated.stops.union(mentioned))
 
 

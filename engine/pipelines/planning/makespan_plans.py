@@ -138,14 +138,14 @@ def search_least_makespan(
     if len(outcome.plan.steps) > (LONGEST if problem.chains else MAX_SCHEDULED_STEPS):
         return _with_bound(keep_plan_order(problem, outcome.plan), bound), None
     own = own_order(problem, task, outcome.plan)
-    if own.schedule.makespan <= bound and not own.overstays:
+    if own.schedule.makespan <= bound and own.keeps_all:
         named = _in_named_order(problem, task, own.plan)
         renamed_order = own if named == own.plan else own_order(problem, task, named)
         return _with_bound(
             renamed_order if timetable_value(renamed_order) <= timetable_value(own) else own, bound
         ), None
     # the solver alone takes longer to load than is left
-    if limits.interrupted() and not own.overstays:
+    if limits.interrupted() and own.keeps_all:
         return _with_bound(own, bound), None
     plans = list(_candidate_plans(problem, task, outcome, limits))
     timetables = [time_plan(problem, task, candidate, work) for candidate in plans]
@@ -185,7 +185,7 @@ def _flowing(
     """The timetable of objects that choose their ways while they are scheduled, if it is better
     than the best of other plans.
     """
-    if (best.schedule.makespan <= bound and not best.overstays) or not problem.chains:
+    if (best.schedule.makespan <= bound and best.keeps_all) or not problem.chains:
         return None
     if best.schedule.proved and len({chain.subject for chain in problem.chains}) == 1:
         return None  # one object has nothing to wait for, and other plans of it were tried
@@ -243,7 +243,8 @@ def _in_named_order(problem: Problem, task: GroundTask, plan: Plan) -> Plan:
 
 def _with_bound(timetable: Timetable, bound: int) -> Timetable:
     """The timetable, with the proof that no plan is shorter if it meets a bound of all plans."""
-    if timetable.schedule.makespan > bound or timetable.schedule.tardiness:
+    late = timetable.schedule.tardiness or not timetable.keeps_all
+    if timetable.schedule.makespan > bound or late:
         return timetable
     return replace(
         timetable,

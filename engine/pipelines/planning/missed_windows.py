@@ -10,6 +10,7 @@ from heapq import heappop, heappush
 from cellwright.engine.kernels.bits import indices
 from cellwright.engine.model.ground_task import GroundOperator, GroundTask
 from cellwright.engine.model.workflow_replay import stage_atom
+from cellwright.engine.pipelines.planning.window_proofs import find_windows_too_short
 from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.check.physics import place_of_fact
 from cellwright.kb.diagnostics import Diagnostic
@@ -19,6 +20,7 @@ from cellwright.kb.terms import Atom, Function, Number, Term
 
 def find_missed_windows(problem: Problem, task: GroundTask) -> Iterator[Diagnostic]:
     """Warnings about windows and due times of a problem that no plan keeps."""
+    yield from _windows_too_short(problem, task)
     words = problem.domain.conventions
     if not {words.window, words.due} & set(problem.domain.predicates):
         return
@@ -43,6 +45,13 @@ def find_missed_windows(problem: Problem, task: GroundTask) -> Iterator[Diagnost
             yield _missed(
                 problem, Function(words.due, (thing, last)), f"its stages take until {end} at least"
             )
+
+
+def _windows_too_short(problem: Problem, task: GroundTask) -> Iterator[Diagnostic]:
+    for lag in find_windows_too_short(problem, task) if problem.all_windows else ():
+        message = f"a window cannot be kept: {lag.text(problem.domain.time_unit)}"
+        hint = "give it more time, or a price"
+        yield Diagnostic(lag.breach.window.where, "K319", message, hint, warning=True)
 
 
 def _missed(problem: Problem, fact: Atom, why: str) -> Diagnostic:

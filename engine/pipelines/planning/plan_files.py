@@ -12,6 +12,7 @@ from cellwright.engine.model.time_limits import (
     turned_pairs,
     windows_of,
 )
+from cellwright.engine.model.window_breaches import WindowBreach
 from cellwright.engine.pipelines.planning.target_files import generated_if_bare
 from cellwright.engine.stages.validation import validate_plan
 from cellwright.engine.stages.validation.operator_semantics import Semantics
@@ -45,9 +46,11 @@ def plan_end(plan: Plan, claims: Claims | None = None) -> int:
 def unmet_times(problem: Problem, plan: Plan, claims: Claims | None = None) -> Unmet:
     """What static facts ask of the times of measurements and stays, and a plan does not keep."""
     words, declared = problem.domain.conventions, problem.domain.predicates
+    starts = claimed_starts(plan, claims or Claims())
+    broken = _breaches_in(problem, plan, starts) if problem.all_windows else ()
     if not declared.keys() & {words.window, words.before, words.longest_stay}:
-        return Unmet()
-    facts, starts = evaluate_statics(problem), claimed_starts(plan, claims or Claims())
+        return Unmet(breaches=broken)
+    facts = evaluate_statics(problem)
     windows = windows_of(facts.atoms(words.window, 3))
     pairs = [(str(first), str(second)) for first, second in facts.atoms(words.before, 2)]
     longest = {
@@ -57,10 +60,13 @@ def unmet_times(problem: Problem, plan: Plan, claims: Claims | None = None) -> U
     }
     stays = _overstays_in(problem, plan, starts, longest) if longest else ()
     if not windows and not pairs:
-        return Unmet(overstays=stays)
+        return Unmet(overstays=stays, breaches=broken)
     visits = measured_steps(problem, plan)
     return Unmet(
-        missed_windows(windows, visits, starts), turned_pairs(pairs, visits, starts), stays
+        missed_windows(windows, visits, starts),
+        turned_pairs(pairs, visits, starts),
+        stays,
+        broken,
     )
 
 
@@ -71,6 +77,15 @@ def _overstays_in(
     from cellwright.engine.pipelines.planning.dwell_limits import find_overstays
 
     return find_overstays(problem, plan, starts, longest, Semantics(problem))
+
+
+def _breaches_in(
+    problem: Problem, plan: Plan, starts: Mapping[StepId, int]
+) -> tuple[WindowBreach, ...]:
+    # loads what schedules
+    from cellwright.engine.pipelines.planning.window_keeping import find_breaches
+
+    return find_breaches(problem, plan, starts, Semantics(problem))
 
 
 def plan_in(file: Path) -> tuple[Problem, Plan]:

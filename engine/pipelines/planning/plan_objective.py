@@ -62,8 +62,33 @@ def plan_for_objective(
     `InvalidInput`.
 
     Without an objective it is the makespan where steps of the plan take time, else the cost.
-    Measurements are made in the order of the sequencer, unless the order is free.
+    Measurements are made in the order of the sequencer, unless the order is free. A plan that
+    breaks a window that must be kept is not given out.
     """
+    return _run_in_time(problem, _any_run(problem, limits, objective, order))
+
+
+def _run_in_time(problem: Problem, run: Run) -> Run:
+    """The run, if its plan keeps the windows that it must keep and the calendars."""
+    if run.timetable is None or run.timetable.keeps_hours:
+        return run
+    return Run(_why_not_given(problem, run.timetable), None, run.itinerary)
+
+
+def _why_not_given(problem: Problem, timetable: "Timetable") -> Infeasible | GaveUp:
+    # only plans with windows need it
+    from cellwright.engine.pipelines.planning.window_keeping import why_not_given
+
+    return why_not_given(problem, timetable)
+
+
+def _any_run(
+    problem: Problem,
+    limits: SearchLimits,
+    objective: PlanningObjective | None,
+    order: SequenceChoice,
+) -> Run:
+    """`plan_for_objective`, also with a plan that breaks windows."""
     cheap = objective is PlanningObjective.COST
     followed = (
         plan_sequence(problem, limits, cheap=cheap) if order is SequenceChoice.SEQUENCE else None
@@ -124,7 +149,7 @@ def plan_sequence(
     if sequenced_outcome is None:
         return None
     if not isinstance(sequenced_outcome.outcome, Found) or not _takes_time(
-        sequenced_outcome.outcome.plan
+        problem, sequenced_outcome.outcome.plan
     ):
         return Run(sequenced_outcome.outcome, None, sequenced_outcome.itinerary)
     from cellwright.engine.pipelines.planning.timetable import keep_plan_order
@@ -155,11 +180,10 @@ def schedule_outcome(
 
     Raises `InvalidInput`.
     """
-    if not isinstance(outcome, Found) or not _takes_time(outcome.plan):
+    if not isinstance(outcome, Found) or not _takes_time(problem, outcome.plan):
         return Run(outcome)
-    return _run_of_outcome(
-        problem, task or task_for(problem, outcome.plan), outcome, limits, objective
-    )
+    known = task or task_for(problem, outcome.plan)
+    return _run_in_time(problem, _run_of_outcome(problem, known, outcome, limits, objective))
 
 
 def plan_fastest(
@@ -191,6 +215,8 @@ def plan_fastest(
             problem, task, outcome, limits, work or ScheduleLimits()
         )
     )
+    if not best.keeps_hours:
+        return _why_not_given(problem, best)
     seconds = {
         "planning": planning,
         **best.statistics.seconds,
@@ -209,6 +235,8 @@ def _sequence_timetable(
     from cellwright.engine.pipelines.planning.timetable import keep_plan_order
 
     timetable = followed.timetable or keep_plan_order(problem, outcome.plan)
+    if not timetable.keeps_hours:
+        return _why_not_given(problem, timetable)
     seconds = {**outcome.statistics.seconds, "in all": time.perf_counter() - started}
     return replace(timetable, statistics=replace(outcome.statistics, seconds=seconds))
 
@@ -225,18 +253,23 @@ def _run_of_outcome(
     """
     if not isinstance(outcome, Found):
         return Run(outcome)
-    if not _takes_time(outcome.plan):
+    if not _takes_time(problem, outcome.plan):
         return Run(
             replace(outcome, plan=_tidy_plan(problem, task, outcome.plan))
             if problem.chains
             else outcome
         )
+    from cellwright.engine.model.shop_scheduling import Timetable
     from cellwright.engine.pipelines.planning import makespan_plans
-    from cellwright.engine.pipelines.planning.timetable import own_order
+    from cellwright.engine.pipelines.planning.timetable import own_order, time_plan
 
     if objective is PlanningObjective.COST:
         plan = _tidy_plan(problem, task, outcome.plan)
-        return Run(replace(outcome, plan=plan), own_order(problem, task, plan))
+        timetable = own_order(problem, task, plan)
+        if not timetable.keeps_hours:
+            timed = time_plan(problem, task, plan)
+            timetable = timed if isinstance(timed, Timetable) else timetable
+        return Run(replace(outcome, plan=timetable.plan), timetable)
     best = _with_refusal_note(*makespan_plans.search_least_makespan(problem, task, outcome, limits))
     optimal = outcome.optimal and best.plan.cost == outcome.plan.cost
     return Run(replace(outcome, plan=best.plan, optimal=optimal), best)
@@ -246,7 +279,9 @@ def _with_refusal_note(best: "Timetable", refused: Infeasible | GaveUp | None) -
     """The timetable; where things stay too long in it, with the reason why a plan has no other
     one.
     """
-    return replace(best, note=refused.reason) if best.overstays and refused is not None else best
+    return (
+        replace(best, note=refused.reason) if not best.keeps_all and refused is not None else best
+    )
 
 
 def _tidy_plan(problem: Problem, task: GroundTask, plan: Plan) -> Plan:
@@ -262,5 +297,6 @@ def _tidy_plan(problem: Problem, task: GroundTask, plan: Plan) -> Plan:
     return in_named_order(problem, plan)
 
 
-def _takes_time(plan: Plan) -> bool:
-    return any(step.duration for step in plan.steps)
+def _takes_time(problem: Problem, plan: Plan) -> bool:
+    bound = problem.all_windows or problem.all_calendars
+    return bool(bound) or any(step.duration for step in plan.steps)

@@ -6,9 +6,9 @@ between changes that two objects make to the same atom. Orders that only say whi
 """
 
 import itertools
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from cellwright.engine.kernels.bits import Bits, bitset, indices
@@ -29,6 +29,7 @@ from cellwright.engine.stages.scheduling.device_mechanisms import DeviceMechanis
 from cellwright.engine.stages.scheduling.place_holds import AtomTouch, Exchange, place_holds_of
 from cellwright.engine.stages.scheduling.plan_blocks import (
     Block,
+    Unstructured,
     arm_resources,
     atoms_about,
     contains_term,
@@ -36,6 +37,8 @@ from cellwright.engine.stages.scheduling.plan_blocks import (
     necessary_blocks,
     remove_detours,
 )
+from cellwright.engine.stages.scheduling.window_lags import StepLag
+from cellwright.kb.model.time_windows import TimeOfWork, TimeWindow
 from cellwright.kb.terms import Function, Term, exchange_subterms, natural_key
 
 OTHER_WORK_JOB = "other work"  # the job of the blocks that serve no object
@@ -46,7 +49,8 @@ class Wishes:
     """What a cell says about time besides durations: empty travel between stops, longest stays in
     places, when jobs begin and are due, and in which windows measurements begin, by their names,
     counted from the start of the tour. A tour that is `under_way` began before: its windows count
-    from the start of the plan.
+    from the start of the plan. `between` are windows between two events of the plan, `calendars`
+    say when steps may be done.
     """
 
     travel: Mapping[tuple[Term, Term], int] = field(default_factory=dict)
@@ -57,11 +61,14 @@ class Wishes:
     priority: Mapping[Term, int] = field(default_factory=dict)
     windows: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     under_way: bool = False
+    between: tuple[TimeWindow, ...] = ()
+    calendars: tuple[TimeOfWork, ...] = ()
 
     @property
     def any(self) -> bool:
         """Whether anything is wished."""
-        return any((self.travel, self.longest_stay, self.release, self.due, self.windows))
+        asked = self.travel, self.longest_stay, self.release, self.due, self.windows
+        return any((*asked, self.between, self.calendars))
 
     def place(self, instance: Function, resources: Sequence[Term], *arms: Term) -> Term | None:
         """Where a step is done: the first of its terms that is a stop."""
@@ -95,12 +102,14 @@ def cell_work(
     goals: Bits,
     subjects: Sequence[Term],
     wishes: Wishes = Wishes(),
+    lags: Sequence[StepLag] = (),
 ) -> CellWork:
-    """The shop of a plan; `steps` are plain operators in an executable order.
+    """The shop of a plan; `steps` are plain operators in an executable order, `lags` windows
+    between them, by their places.
 
     Raises `Unstructured`.
     """
-    return _Assembly(task, tuple(steps), goals, tuple(subjects), wishes).work()
+    return _Assembly(task, tuple(steps), goals, tuple(subjects), wishes, tuple(lags)).work()
 
 
 @dataclass(frozen=True)
@@ -110,6 +119,7 @@ class _Assembly:
     goals: Bits
     subjects: tuple[Term, ...]
     wishes: Wishes
+    lags: tuple[StepLag, ...] = ()
 
     def work(self) -> CellWork:
         holds: list[Hold] = []
@@ -125,7 +135,7 @@ class _Assembly:
                 visits[name] = tuple(self._visits(name, group_visits))
             windows += [w for atom, hold in group_visits for w in self._stay(atom, hold)]
         holds += self._shared_resources(tuple(places.values()))
-        windows += self._links()
+        windows += [*self._links(), *self._between_steps()]
         resources = [
             *map(self._arm_resource, self.arms),
             *(self._resource(held_resource, places) for held_resource in _hold_resources(holds)),
@@ -316,6 +326,32 @@ class _Assembly:
                 if one.job != other.job and changes:
                     yield StageWindow(one.last, other.first)
 
+    def _between_steps(self) -> Iterator[StageWindow]:
+        """The windows between steps that are done once, and in different stages.
+
+        Raises `Unstructured`.
+        """
+        count = Counter(map(id, self.steps))
+        moments = {
+            id(step): StageMoment(name, begin)
+            for name, block in self.named.items()
+            for step, begin, _ in block.timed
+        }
+        for lag in self.lags:
+            if lag.earlier.step < 0 or lag.later.step < 0:
+                continue
+            one, other = (id(self.steps[moment.step]) for moment in (lag.earlier, lag.later))
+            if count[one] == count[other] == 1 and one in moments and other in moments:
+                earlier, later = (
+                    replace(moments[key], offset=moments[key].offset + moment.offset)
+                    for key, moment in ((one, lag.earlier), (other, lag.later))
+                )
+                window = StageWindow(earlier, later, lag.least, lag.most)
+                if window.earlier.stage != window.later.stage:
+                    yield window
+                elif not _is_kept_inside(window):
+                    raise Unstructured("an errand in one piece breaks a window")
+
     def _arm_resource(self, arm: Term) -> Resource:
         travel = {(str(a), str(b)): lasts for (a, b), lasts in self.wishes.travel.items()}
         return Resource(str(arm), 1, travel)
@@ -338,6 +374,12 @@ def _stage_blocks(blocks: Sequence[Block]) -> dict[str, Block]:
 
 def _hold_resources(holds: Sequence[Hold]) -> list[str]:
     return list(dict.fromkeys(hold.resource for hold in holds))
+
+
+def _is_kept_inside(window: StageWindow) -> bool:
+    """Whether a window within one stage is kept."""
+    lasts = window.later.offset - window.earlier.offset
+    return lasts >= window.least and (window.most is None or lasts <= window.most)
 
 
 class Mislaid(Exception):

@@ -12,16 +12,26 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from ortools.sat.python import cp_model
-from ortools.sat.python.cp_model import CpModel, IntervalVar, IntVar, LiteralT
+from ortools.sat.python.cp_model import (
+    CpModel,
+    Domain,
+    IntervalVar,
+    IntVar,
+    LinearExpr,
+    LiteralT,
+)
 
 from cellwright.engine.kernels.bits import Bits, indices
 from cellwright.engine.model.ground_task import GroundOperator
 from cellwright.engine.model.outcome import Infeasible
 from cellwright.engine.stages.scheduling.schedule_limits import ScheduleLimits
 from cellwright.engine.stages.scheduling.shop_solver import run_solver
+from cellwright.engine.stages.scheduling.window_lags import AT_END, AT_START, StepLag, StepMoment
+from cellwright.kb.model.time_windows import TimeOfWork
 from cellwright.kb.terms import Term
 
 ORDER_START = -1
+NO_ORDER_IN_WINDOWS = "in no order of the steps are all windows and calendars kept"
 MAX_SUPPORT_PAIRS = 400_000  # pairs of a possible producer and what may come between, of one model
 
 
@@ -37,7 +47,8 @@ class StepOrdering:
     time that must pass between the end of step i and the start of step j if they come in this order
     (travel). `stays` are conditions that may last at most so long, from the end of who achieves
     them to the start of who ends them. `release` and `due` are by step; the third of `due` is the
-    cost of each unit of time after it. Without `optional` every step is done.
+    cost of each unit of time after it. `lags` are windows between steps by their places, and
+    `calendars` say when steps may be done. Without `optional` every step is done.
     """
 
     initial: Bits
@@ -48,6 +59,8 @@ class StepOrdering:
     stays: Mapping[int, int] = field(default_factory=dict)
     release: Mapping[int, int] = field(default_factory=dict)
     due: Sequence[tuple[Sequence[int], int, int]] = ()
+    lags: Sequence[StepLag] = ()
+    calendars: Sequence[TimeOfWork] = ()
     optional: bool = False
 
 
@@ -89,7 +102,42 @@ class OrderModel:
         for step, start, present in zip(self.asked.steps, self.starts, self.present, strict=True):
             self.cp.add(self.makespan >= start + step.duration).only_enforce_if(present)
         self.cp.add(self.makespan >= bound)
+        self.price = sum(self._keep(lag) for lag in self.asked.lags)
+        self._open()
         self._minimise()
+
+    def _keep(self, lag: StepLag) -> LinearExpr | int:
+        """A window between two steps; the cost of what it is broken by, if it has a price."""
+        lasts = self._time(lag.later) - self._time(lag.earlier)
+        if lag.price is None:
+            self.cp.add(lasts >= lag.least)
+            if lag.most is not None:
+                self.cp.add(lasts <= lag.most)
+            return 0
+        broken = self.cp.new_int_var(0, 2 * self.asked.horizon + lag.least, "")
+        self.cp.add(broken >= lag.least - lasts)
+        if lag.most is not None:
+            self.cp.add(broken >= lasts - lag.most)
+        return lag.price * broken
+
+    def _time(self, moment: StepMoment) -> LinearExpr | int:
+        if moment.step == AT_START:
+            return 0
+        if moment.step == AT_END:
+            return self.makespan
+        return self.starts[moment.step] + moment.offset
+
+    def _open(self) -> None:
+        """Steps are done when their calendars allow it."""
+        for calendar in self.asked.calendars:
+            for step, start, present in zip(
+                self.asked.steps, self.starts, self.present, strict=True
+            ):
+                if calendar.covers(step.instance, step.resources):
+                    allowed = calendar.allowed_starts(step.duration, self.asked.horizon)
+                    self.cp.add_linear_expression_in_domain(
+                        start, Domain.from_intervals(allowed)
+                    ).only_enforce_if(present)
 
     @cached_property
     def adders(self) -> dict[int, list[int]]:
@@ -201,7 +249,7 @@ class OrderModel:
             )
 
     def _minimise(self) -> None:
-        """Lateness first, then the makespan, then the cost of optional steps."""
+        """Lateness and prices first, then the makespan, then the cost of optional steps."""
         horizon, cost = self.asked.horizon, sum(step.cost for step in self.asked.steps)
         late = []
         for steps, due, priority in self.asked.due:
@@ -211,14 +259,15 @@ class OrderModel:
                 self.cp.add(lateness >= end - due).only_enforce_if(self.present[n])
             late.append(priority * lateness)
         self.tardiness = sum(late)
+        wrong = self.tardiness + self.price
         spent = sum(
             step.cost * present
             for step, present in zip(self.asked.steps, self.present, strict=True)
         )
         if self.asked.optional:
-            self.cp.minimize(((horizon + 1) * self.tardiness + self.makespan) * (cost + 1) + spent)
+            self.cp.minimize(((horizon + 1) * wrong + self.makespan) * (cost + 1) + spent)
         else:
-            self.cp.minimize((horizon + 1) * self.tardiness + self.makespan)
+            self.cp.minimize((horizon + 1) * wrong + self.makespan)
 
     def hint(self, starts: Mapping[int, int]) -> None:
         """Offer the starts of the steps of a known plan; other steps are absent."""
@@ -287,7 +336,9 @@ def reorder_steps(
     status = run_solver(solver, model.cp, limits)
     if status == cp_model.INFEASIBLE:
         return Infeasible(
-            "in no order of the steps is everything taken away in time (longest_stay)"
+            NO_ORDER_IN_WINDOWS
+            if asked.lags or asked.calendars
+            else "in no order of the steps is everything taken away in time (longest_stay)"
         )
     if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
         return None
@@ -306,7 +357,8 @@ def reorder_steps(
             _step_rank(solver, model, n),
         ),
     )
-    least = makespan if proved and not late else bound
+    exact = proved and not late and not solver.value(model.price)
+    least = makespan if exact else bound
     return Reordered({n: starts[n] for n in order}, makespan, min(least, makespan), late, proved)
 
 

@@ -17,10 +17,11 @@ from cellwright.engine.stages.validation.checker_facts import CheckerFacts
 from cellwright.engine.stages.validation.condition_solving import condition_holds
 from cellwright.engine.stages.validation.link_checks import CausalLinks
 from cellwright.engine.stages.validation.operator_semantics import Semantics
-from cellwright.engine.stages.validation.plan_claims import false_claims
+from cellwright.engine.stages.validation.plan_claims import claimed_starts, false_claims
 from cellwright.engine.stages.validation.step_changes import CheckedChange
 from cellwright.engine.stages.validation.step_interference import ExecutedStep, StepInterference
 from cellwright.engine.stages.validation.step_precedence import StepPrecedence
+from cellwright.engine.stages.validation.time_checks import broken_times
 from cellwright.kb.arithmetic import evaluate_term
 from cellwright.kb.diagnostics import Diagnostic, Source
 from cellwright.kb.model.conditions import And, Condition, Literal, literals_in
@@ -81,7 +82,17 @@ class _Check:
                 self._report_all("K504", links.idle())
                 self._report_all("K508", self._held_more())
                 self._report_all("K508", false_claims(self.problem, self._as_it_is(), claims))
+                self._check_times(claims)
         return self.found
+
+    def _check_times(self, claims: Claims) -> None:
+        """Report the windows and calendars that the plan breaks at its times."""
+        if not self.problem.all_windows and not self.problem.all_calendars:
+            return
+        plan, executed = self._as_it_is(), tuple(self.executed.values())
+        starts = claimed_starts(plan, claims)
+        for message, where in broken_times(self.problem, plan, starts, executed, self.start):
+            self._report("K509", message, where)
 
     def _as_it_is(self) -> Plan:
         """The plan with the durations and costs that its steps really have; where it has no

@@ -75,6 +75,12 @@ GOOD = {
     "object_behind_the_second_verb": "take and return probe 2",
     "exclamation": "Open the drawer!",
     "polite": "Could you please heat probe 1 for 5 min?",
+    "time_behind": "heat probe 1 for 15 min, then cool it for 5 min within 10 min",
+    "time_of_each": "heat probes 1 and 2 for 15 min, cool them for 5 min within 10 min of heating them",
+    "time_from_the_start": "heat probe 1 for 15 min and cool it for 5 min an hour after the start of "
+    "heating it",
+    "least_time_in_front": "at least 5 min after heating probe 1 for 15 min, store it",
+    "time_after_a_fact": "exactly 90 s after opening the drawer, close it",
     "after_in_front": "after heating probe 1 for 5 min, store it",
     "after_behind": "store probe 1 after heating it for 5 min",
     "after_two_acts": "after heating probe 1 for 5 min and cooling it for 3 min, store it and open "
@@ -236,6 +242,7 @@ WORKSHOP = {
     "workshop_which_box": "open the box",
     "workshop_no_such_part": "wash part d",
     "workshop_soap": "wash part a with soap",
+    "workshop_within": "paint part a, then pack it into the red box within 10 min",
     "workshop_no_stage": "take the brush, drop the brush and take the sponge, then take the brush",
 }
 
@@ -249,6 +256,7 @@ def printed(target: Problem | Domain, sentence: str) -> str:
     for chain in problem.chains:
         after = f" after {', '.join(chain.after)}" if chain.after else ""
         lines.append(f"chain {chain.name}{after}: {', '.join(map(str, chain.stages))}")
+    lines += [f"window: {window}" for window in problem.windows]
     return "\n".join(lines) + "\n"
 
 

@@ -46,6 +46,7 @@ def understood(target: Problem | Domain, sentence: str) -> str:
     for chain in problem.chains:
         after = f" after {', '.join(chain.after)}" if chain.after else ""
         lines.append(f"  {chain.name}{after}: {', '.join(map(str, chain.stages))}")
+    lines += [f"  window: {window}" for window in problem.windows]
     return "\n".join([SAY + sentence, *lines]) + "\n"
 
 

@@ -99,6 +99,44 @@ def test_what_cannot_be_renamed_is_refused(where: str, name: str, why: str) -> N
         list(rename_occurrences(index, file, file.text.index(where), name))
 
 
+TIMED = """domain: lab
+units: {time: s}
+types: {probe: object, tool: object}
+objects: {tool: [saw, basin]}
+fluents: {clean(probe): {}}
+events: {cut(probe): {}}
+operators:
+  wash(Probe): {adds: clean(Probe), resources: basin, duration: 5 s}
+  slice(Probe): {preconditions: clean(Probe), adds: cut(Probe), resources: saw, duration: 9 s}
+windows:
+  - at most 10 min from clean(P) to start of step slice(P)
+  - keep: "exactly 60 min, up to 63 from start of plan to end of wash(P), price 2"
+    for: {P: [p1]}
+calendars:
+  - {of: saw, open: 0 s to 90 s}
+  - {of: slice(_), closed: 5 s to 6 s}
+"""
+
+
+@pytest.mark.parametrize(
+    ("where", "name"),
+    [("clean(probe)", "pure"), ("wash(P),", "rinse"), ("slice(_)", "mill"), ("saw, op", "knife")],
+)
+def test_names_in_windows_and_calendars_are_renamed(tmp_path: Path, where: str, name: str) -> None:
+    (tmp_path / "domain.yaml").write_text(TIMED)
+    problem = "problem: p\ndomain: lab\nobjects: {probe: [p1]}\ngoals: [clean(p1)]\n"
+    (tmp_path / "p.yaml").write_text(problem)
+    index = index_of(tmp_path)
+    offset = TIMED.index(where)
+    old = re.match(r"\w+", where)
+    assert old is not None
+    path = str(tmp_path / "domain.yaml")
+    apply(index, list(rename_occurrences(index, index.files[path], offset, name)))
+    text = (tmp_path / "domain.yaml").read_text()
+    assert re.search(rf"\b{old[0]}\b", text) is None
+    assert len(re.findall(rf"\b{name}\b", text)) == len(re.findall(rf"\b{old[0]}\b", TIMED))
+
+
 def findings(domain: Path) -> list[Diagnostic]:
     try:
         return list(load(domain).warnings)

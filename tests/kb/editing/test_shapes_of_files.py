@@ -18,7 +18,7 @@ UNNAMED = {"repeats",
     "quantity", "range", "ranging", "readings", "relevance", "reply", "restrictions", "ring", "risk",
     "rpy", "say", "settings", "shapes", "sight", "slides", "slip", "smoothing", "solid", "speed",
     "sphere", "srdf", "starts", "stop", "stops", "swings", "takes", "timeouts", "tells", "tilts", "tools", "tube",
-    "turn", "turns", "undesirable", "unit", "units", "urdf",
+    "begins", "closed", "every", "open", "price", "turn", "turns", "undesirable", "unit", "units", "urdf",
 }  # fmt: skip
 """Keys whose values name nothing that a domain declares, or name it in a form of their own."""
 

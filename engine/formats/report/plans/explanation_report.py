@@ -1,9 +1,11 @@
 """Explanations why there is no plan or why a step is in it, as text and as data."""
 
+from collections.abc import Iterator
 from typing import Any
 
 from rich.text import Text
 
+from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.plan_explanation import Amendment, Explanation, Purpose, StepReason
 from cellwright.engine.model.workflow_replay import said_of
 
@@ -23,11 +25,10 @@ _EDIT_WORDS = {  # what edits of one kind are said to be, and how each is said
 
 def explanation_text(no_plan_explanation: Explanation) -> Text:
     """Why there is no plan, for people."""
-    if no_plan_explanation.status != "infeasible":
-        return Text(
-            f"{'There is nothing to explain' if no_plan_explanation.status == 'feasible' else 'Unknown'}: "
-            f"{no_plan_explanation.reason}."
-        )
+    told = no_plan_explanation.goals or no_plan_explanation.gaps or no_plan_explanation.changes
+    if no_plan_explanation.status != "infeasible" or not told:
+        lines = [_reason_line(no_plan_explanation), *_relaxed_lines(no_plan_explanation)]
+        return Text("\n".join(lines))
     lines = ["No plan exists."]
     if len(no_plan_explanation.goals) == 1:
         lines.append(f"This goal cannot be reached: {no_plan_explanation.goals[0]}")
@@ -63,6 +64,19 @@ def explanation_text(no_plan_explanation: Explanation) -> Text:
     return Text("\n".join(lines))
 
 
+def _reason_line(no_plan_explanation: Explanation) -> str:
+    head = {"feasible": "There is nothing to explain", "infeasible": "No plan exists"}
+    return f"{head.get(no_plan_explanation.status, 'Unknown')}: {no_plan_explanation.reason}."
+
+
+def _relaxed_lines(no_plan_explanation: Explanation) -> Iterator[str]:
+    """The windows that would have to allow more time, or less."""
+    steps = count_noun(no_plan_explanation.relaxed_steps, "step")
+    if no_plan_explanation.relaxed:
+        yield f"There would be a plan of {steps} that keeps all other windows and has"
+    yield from (f"  {window}" for window in no_plan_explanation.relaxed)
+
+
 def amendment_text(change: Amendment) -> str:
     """A change in words."""
     if change.goal:
@@ -89,6 +103,7 @@ def explanation_entry(no_plan_explanation: Explanation) -> dict[str, Any]:
         "reason": no_plan_explanation.reason,
         "untried": no_plan_explanation.untried,
         "gaps": list(no_plan_explanation.gaps),
+        "relaxed": list(no_plan_explanation.relaxed),
         "changes": [
             {
                 "kind": change.kind,

@@ -12,6 +12,7 @@ from rich.text import Text
 from cellwright.engine.model.noun_wording import count_noun
 from cellwright.engine.model.plan_times import Bottleneck, find_bottleneck
 from cellwright.engine.model.shop_scheduling import Hold, Resource, Schedule, Shop, Timetable
+from cellwright.engine.model.window_breaches import WindowSpan
 
 
 def makespan_bounds(makespan_bottleneck: Bottleneck, unit: str) -> str:
@@ -81,6 +82,8 @@ PROVED_WORDS = {
         "shortest for this order of each arm's steps; another order may be shorter"
     ),
 }
+MAX_WINDOW_ROWS = 6  # rows of one window
+MAX_TOLD_WINDOWS = 3  # windows that are told in words below a chart
 MIN_BARS_WIDTH = 30  # width in characters of the part with the bars
 
 
@@ -90,13 +93,15 @@ class BarKind(StrEnum):
     STAGE = "stage"
     HOLD = "hold"
     CHANGE = "change"
+    WINDOW = "window"
 
 
 @dataclass(frozen=True, slots=True)
 class GanttBar:
     """A bar from `start` to `end`.
 
-    `job` is the number of its job, -1 if it has none; `unit` the name of its unit, if known.
+    `job` is the number of its job, -1 if it has none; `unit` the name of its unit, if known. The
+    bar of a window ends when the window does; its later event is at `reached`.
     """
 
     start: int
@@ -106,6 +111,7 @@ class GanttBar:
     job: int = -1
     detail: str = ""
     unit: str = ""
+    reached: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +149,36 @@ def gantt_rows(shop: Shop, schedule: Schedule) -> tuple[GanttRow, ...]:
             else _equal_units(bars, resource)
         )
     return tuple(chart_rows)
+
+
+def window_rows(spans: Sequence[WindowSpan], makespan: int, unit: str) -> tuple[GanttRow, ...]:
+    """Rows for the windows between events, those of one window together: from the earlier event to
+    the latest time of the later one.
+    """
+    chart_rows = list[GanttRow]()
+    for window in dict.fromkeys(span.window for span in spans):
+        own = [span for span in spans if span.window == window]
+        bars = sorted((_window_bar(span, makespan, unit) for span in own), key=lambda b: b.start)
+        named = [GanttRow(window.limits, tuple(row)) for row in _unit_bars(bars)]
+        chart_rows += named[:MAX_WINDOW_ROWS]
+    return tuple(chart_rows)
+
+
+def _window_bar(span: WindowSpan, makespan: int, unit: str) -> GanttBar:
+    event = span.events[0] or span.events[1]
+    label = str(event.arguments[0]) if event is not None and event.arguments else ""
+    begin, reached = min(span.begin, span.end), max(span.begin, span.end)
+    latest = reached if span.slack is None else max(reached, span.end + span.slack)
+    end = max(reached, min(latest, makespan))
+    return GanttBar(begin, end, label, BarKind.WINDOW, -1, span.text(unit), "", reached)
+
+
+def tightest_windows(spans: Sequence[WindowSpan], unit: str) -> list[str]:
+    """The windows with the least slack, in words; nothing if there are none."""
+    bounded = [(span.slack, span) for span in spans if span.slack is not None]
+    tight = sorted(bounded, key=lambda entry: entry[0])[:MAX_TOLD_WINDOWS]
+    said = [span.text(unit) for _, span in tight]
+    return [f"The windows with the least slack: {'; '.join(said)}."] if said else []
 
 
 def _named_units(bars: Sequence[GanttBar], resource: Resource) -> list[GanttRow]:
@@ -232,11 +268,15 @@ class GanttChart:
     shop: Shop
     schedule: Schedule
     unit: str = ""
+    spans: tuple[WindowSpan, ...] = ()
 
     def __rich_console__(
         self, console: Console, options: ConsoleOptions
     ) -> Iterator[RenderableType]:
-        lines = gantt_rows(self.shop, self.schedule)
+        lines = (
+            *gantt_rows(self.shop, self.schedule),
+            *window_rows(self.spans, self.schedule.makespan, self.unit),
+        )
         names = min(max((len(row.name) for row in lines), default=0), options.max_width // 3)
         width = max(MIN_BARS_WIDTH, options.max_width - names - 2)
         scale = width / max(1, self.schedule.makespan)
@@ -293,6 +333,10 @@ def _row_line(row: GanttRow, scale: float, width: int) -> Text:
 
 
 def _bar_characters(bar: GanttBar, width: int) -> str:
+    if bar.kind is BarKind.WINDOW:
+        done = round(width * (bar.reached - bar.start) / max(1, bar.end - bar.start))
+        line = "─" * done + "·" * (width - done)
+        return f"{bar.label} {line[len(bar.label) + 1 :]}" if len(bar.label) < done else line
     fill = {BarKind.STAGE: "█", BarKind.HOLD: "░", BarKind.CHANGE: "▒"}[bar.kind]
     return f"{bar.label} ".ljust(width, fill) if 0 < len(bar.label) < width else fill * width
 
@@ -332,8 +376,13 @@ def schedule_summary(schedule: Schedule, unit: str = "", scope: str = "", floor:
 
 def timetable_chart(timetable: Timetable, unit: str) -> list[RenderableType]:
     """The chart of a timetable, its makespan, and why it has a row for each step where it has."""
-    parts = charted_shop(timetable.shop, timetable.schedule, unit, timetable.scope, timetable.floor)
+    parts: list[RenderableType] = [
+        GanttChart(timetable.shop, timetable.schedule, unit, timetable.spans),
+        Text(),
+        Text(schedule_summary(timetable.schedule, unit, timetable.scope, timetable.floor)),
+    ]
     notes = [kept_order(timetable)] if timetable.note else []
+    notes += tightest_windows(timetable.spans, unit)
     return [
         *parts,
         *map(
@@ -358,6 +407,12 @@ def charted_shop(
         Text(),
         Text(schedule_summary(schedule, unit, scope, floor)),
     ]
+
+
+def window_entries(timetable: Timetable) -> dict[str, Any]:
+    """The windows between events with their slack, for programs; nothing if there are none."""
+    entries = [span.entry() for span in timetable.spans]
+    return {"windows": entries} if entries else {}
 
 
 def proof_entry(schedule: Schedule, scope: str = SHOP, floor: int = 0) -> dict[str, Any]:

@@ -18,8 +18,10 @@ from cellwright.engine.formats.report.plans.gantt_chart import (
     gantt_rows,
     join_short_bars,
     schedule_summary,
+    window_rows,
 )
 from cellwright.engine.model.shop_scheduling import Schedule, Shop
+from cellwright.engine.model.window_breaches import WindowSpan
 
 STEP_JOB_NAME = re.compile(r"\d+ (\w+)")  # the name of a job that is one step of a plan
 HEIGHT, GAP, MARGIN, WIDTH, CHARACTER, LINE = 22, 6, 16, 1000, 7.3, 16
@@ -31,13 +33,19 @@ GANTT_STYLE = """
 
 
 def draw_gantt(
-    shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP, note: str = ""
+    shop: Shop,
+    schedule: Schedule,
+    unit: str = "",
+    scope: str = SHOP,
+    note: str = "",
+    spans: Sequence[WindowSpan] = (),
 ) -> str:
-    """The chart, below it its makespan with what is proved of it, and a note.
+    """The chart with the windows between events, below it its makespan with what is proved of it,
+    and a note.
 
     The same schedule gives the same bytes.
     """
-    lines = gantt_rows(shop, schedule)
+    lines = (*gantt_rows(shop, schedule), *window_rows(spans, schedule.makespan, unit))
     left = MARGIN + max((len(row.name) for row in lines), default=0) * CHARACTER + GAP
     height = 2 * MARGIN + (len(lines) + 2) * (HEIGHT + GAP)
     scale = WIDTH / max(1, schedule.makespan)
@@ -152,7 +160,7 @@ def _gantt_row(
 
 
 def _gantt_bar(bar: GanttBar, x: float, y: float, width: float, colour: str) -> str:
-    opacity = {BarKind.STAGE: 0.85, BarKind.HOLD: 0.35, BarKind.CHANGE: 0.85}[bar.kind]
+    opacity = {BarKind.HOLD: 0.35, BarKind.WINDOW: 0.15}.get(bar.kind, 0.85)
     tooltip = escape(f"{bar.detail}, {bar.start} to {bar.end}")
     rect = (
         f'<rect class="bar" x="{x:.1f}" y="{y:.0f}" width="{width:.1f}" height="{HEIGHT}" '
@@ -160,6 +168,13 @@ def _gantt_bar(bar: GanttBar, x: float, y: float, width: float, colour: str) -> 
         f'fill-opacity="{opacity}" stroke="{colour}" '
         f'stroke-width="0.5"><title>{tooltip}</title></rect>'
     )
+    if bar.kind is BarKind.WINDOW:
+        done = width * (bar.reached - bar.start) / max(1, bar.end - bar.start)
+        middle = y + HEIGHT / 2
+        rect += (
+            f'<line x1="{x:.1f}" y1="{middle:.0f}" x2="{x + done:.1f}" y2="{middle:.0f}" '
+            f'stroke="{colour}" stroke-width="3" pointer-events="none"/>'
+        )
     if len(bar.label) * CHARACTER + 4 > width:
         return rect
     fill = "#ffffff" if bar.kind is BarKind.STAGE else INK

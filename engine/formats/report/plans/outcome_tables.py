@@ -289,7 +289,8 @@ def plan_table(
         summary_parts.append(
             schedule_summary(timetable.schedule, unit, timetable.scope, timetable.floor)
         )
-        chart = [Text(), GanttChart(timetable.shop, timetable.schedule, unit), Text()]
+        shown = GanttChart(timetable.shop, timetable.schedule, unit, timetable.spans)
+        chart = [Text(), shown, Text()]
         chart += [Text(kept_order(timetable))] if timetable.note else []
     elif timed:
         summary_parts.append(

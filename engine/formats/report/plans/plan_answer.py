@@ -38,7 +38,7 @@ class PlanAnswer:
 def plan_answer_content(plan_answer: PlanAnswer, stats: bool) -> dict[str, Any]:
     """The outcome as data, with its statistics if they were asked for."""
     from cellwright.engine.formats.report import json_answers
-    from cellwright.engine.formats.report.plans.gantt_chart import proof_entry
+    from cellwright.engine.formats.report.plans.gantt_chart import proof_entry, window_entries
 
     run = plan_answer.run
     content = {
@@ -55,6 +55,7 @@ def plan_answer_content(plan_answer: PlanAnswer, stats: bool) -> dict[str, Any]:
     if run.timetable:
         table = run.timetable
         content["makespan"] = proof_entry(table.schedule, table.scope, table.floor)
+        content |= window_entries(table)
     if plan_answer.robust is not None:
         from cellwright.engine.formats.report.plans import robustness_report
 

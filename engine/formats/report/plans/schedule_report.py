@@ -120,7 +120,11 @@ def schedule_content(schedule_answer: ScheduleAnswer, stats: bool = False) -> di
 
 def _of_plan(schedule_answer: ScheduleAnswer, table: Timetable, problem: Problem) -> dict[str, Any]:
     from cellwright.engine.formats.report import json_answers
-    from cellwright.engine.formats.report.plans.gantt_chart import bottleneck_entry, schedule_entry
+    from cellwright.engine.formats.report.plans.gantt_chart import (
+        bottleneck_entry,
+        schedule_entry,
+        window_entries,
+    )
 
     planned = json_answers.outcome_entry(Found(table.plan), problem, starts=table.starts)["plan"]
     staged = (
@@ -134,6 +138,7 @@ def _of_plan(schedule_answer: ScheduleAnswer, table: Timetable, problem: Problem
         "note": table.note,
         "bounded_by": bounded,
         "plan": planned,
+        **window_entries(table),
         **schedule_answer.unmet.entry(),
     }
 
@@ -176,4 +181,5 @@ def schedule_svg(schedule_answer: ScheduleAnswer) -> str:
         schedule_answer.unit,
         schedule_answer.timetable.scope,
         note,
+        schedule_answer.timetable.spans,
     )

@@ -34,6 +34,11 @@ from cellwright.engine.pipelines.planning.timetable.kept_order import (
     order_keeping_timetable,
 )
 from cellwright.engine.pipelines.planning.timetable.step_order import TimedSteps, in_its_order
+from cellwright.engine.pipelines.planning.window_keeping import (
+    joins_the_same,
+    judge_times,
+    why_not_given,
+)
 from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.plan_blocks import Unstructured
@@ -45,6 +50,7 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Term
 
 NOT_BUSY: Mapping[Term, int] = {}
+NO_ERRANDS_IN_WINDOWS = "in no order of whole errands that was found are all windows kept"
 WINDOWS_KEEP_ORDER = "measurements with windows keep their order"
 
 
@@ -71,6 +77,8 @@ def make_timetable(
     started = time.perf_counter()
     if plan is not None and len(plan.steps) > (LONGEST if problem.chains else MAX_SCHEDULED_STEPS):
         long = keep_plan_order(problem, _checked_plan(PlanGate(), problem, plan))
+        if not long.keeps_hours:
+            return why_not_given(problem, long)
         return replace(long, statistics=Statistics({}, {"in all": time.perf_counter() - started}))
     outcome, task = (
         (Found(plan), task_for(problem, plan))
@@ -90,6 +98,8 @@ def make_timetable(
         return timetable_made
     if plan is None:
         timetable_made = _without_spares(problem, task, outcome, timetable_made, planning, limits)
+    if not timetable_made.keeps_hours:
+        return why_not_given(problem, timetable_made)
     seconds = {
         "planning": before - started,
         **timetable_made.statistics.seconds,
@@ -141,7 +151,7 @@ def without_spares(
     )
     return [
         *(candidate for candidate in timed_ if isinstance(candidate, Timetable)),
-        *(t for timetables_shared in shared for t in timetables_shared),
+        *(_judged(problem, t, 0) for timetables_shared in shared for t in timetables_shared),
     ]
 
 
@@ -151,7 +161,10 @@ def timetable_value(timetable_made: Timetable) -> tuple[int, ...]:
     """
     schedule = timetable_made.schedule
     late = sum(overstay.lasts - overstay.most for overstay in timetable_made.overstays)
-    best = late, schedule.tardiness, schedule.makespan
+    broken = sum(breach.amount for breach in timetable_made.breaches if breach.window.is_hard)
+    price = sum(breach.cost for breach in timetable_made.breaches)
+    wrong = late + broken + len(timetable_made.outside)
+    best = wrong, schedule.tardiness + price, schedule.makespan
     return *best, timetable_made.plan.cost, len(timetable_made.plan.steps), -schedule.lower_bound
 
 
@@ -182,14 +195,31 @@ def time_plan(
     except Unstructured as error:
         return _as_given(problem, _checked_plan(gate, problem, plan), str(error), wishes)
     steps = TimedSteps(problem, task, plan, operators, goals, wishes)
-    timetable_made = by_blocks(gate, steps, limits)
-    if not isinstance(timetable_made, str):
-        return timetable_made
+    blocks = by_blocks(gate, steps, limits)
+    if isinstance(blocks, Timetable):
+        blocks = _judged(problem, blocks, steps.bound)
+        if blocks.keeps_all:
+            return blocks
+    note = NO_ERRANDS_IN_WINDOWS if isinstance(blocks, Timetable) else blocks
     plan = _checked_plan(gate, problem, plan)
-    best = replace(steps, plan=plan).in_best_order(gate, limits, timetable_made)
-    return (
-        best if best is not None else _as_given(problem, plan, timetable_made, wishes, steps.bound)
-    )
+    best = replace(steps, plan=plan).in_best_order(gate, limits, note)
+    if best is None:
+        best = _as_given(problem, plan, note, wishes, steps.bound)
+    if isinstance(best, Timetable):
+        best = _judged(problem, best, steps.bound)
+        return min([best, blocks], key=timetable_value) if isinstance(blocks, Timetable) else best
+    return blocks if isinstance(blocks, Timetable) and blocks.keeps_hours else best
+
+
+def _judged(problem: Problem, timetable: Timetable, bound: int) -> Timetable:
+    """The timetable with the windows that it breaks. Where windows may join other steps in another
+    order, nothing is proved but that no order ends before `bound`.
+    """
+    judged = judge_times(problem, timetable)
+    if not problem.all_windows or joins_the_same(problem, judged.plan):
+        return judged
+    least = min(bound, judged.schedule.lower_bound)
+    return replace(judged, schedule=replace(judged.schedule, proved=False, lower_bound=least))
 
 
 def from_then_on(
@@ -253,7 +283,7 @@ def by_other_means(
     """
     gate = PlanGate()
     wishes = wishes_for(gate.semantics(problem), *plans)
-    if wishes.windows:
+    if wishes.windows or wishes.between:
         return None
     try:
         (operators, goals), *other_plans = [operators_of(task, plan) for plan in plans]
@@ -261,7 +291,8 @@ def by_other_means(
         return None
     more = [step for steps, _ in other_plans for step in steps if step not in operators]
     steps = TimedSteps(problem, task, plans[0], operators, goals, wishes)
-    return steps.in_best_choice(gate, more, limits, bound)
+    chosen = steps.in_best_choice(gate, more, limits, bound)
+    return None if chosen is None else _judged(problem, chosen, bound)
 
 
 def _as_given(problem: Problem, plan: Plan, note: str, wishes: Wishes, bound: int = 0) -> Timetable:

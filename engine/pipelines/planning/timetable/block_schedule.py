@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from cellwright.engine.kernels.bits import Bits, bitset
-from cellwright.engine.model.ground_task import GroundOperator, GroundTask
+from cellwright.engine.model.ground_task import GroundOperator, GroundTask, progress_state
 from cellwright.engine.model.outcome import Infeasible
 from cellwright.engine.model.plan_times import plan_makespan
 from cellwright.engine.model.shop_scheduling import Shop, Timetable, ValidSchedule
@@ -52,7 +52,9 @@ def by_blocks(gate: PlanGate, steps: TimedSteps, limits: ScheduleLimits) -> Time
     if problem.domain.quantities:
         return "steps change quantities, so that their order counts"
     try:
-        work = cell_work(steps.task, steps.operators, steps.goals, subjects_of(problem), wishes)
+        work = cell_work(
+            steps.task, steps.operators, steps.goals, subjects_of(problem), wishes, steps.lags
+        )
         scheduled = schedule_shop(work.shop, limits)
         if isinstance(scheduled, ValidSchedule):
             timetable = _as_plan(gate, steps, work, scheduled)
@@ -73,6 +75,11 @@ def _as_plan(
 ) -> Timetable:
     """The schedule as a plan that the checker accepts. Raises `Mislaid`."""
     timed = timed_steps(steps.task, work, scheduled.schedule)
+    state = steps.task.initial
+    for timed_step in timed:
+        state = progress_state(state, timed_step.operator)
+    if steps.goals & ~state:
+        raise Mislaid("a step that serves no object is left out")
     plan = deorder_steps(
         steps.task, [s.operator for s in timed], steps.goals, [s.start for s in timed]
     )

@@ -7,9 +7,16 @@ a plan that passes the gate.
 """
 
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from cellwright.engine.model.flow import Course, Flowed, holds_of_course, lateness_of
+from cellwright.engine.model.flow import (
+    Course,
+    Flowed,
+    RouteLag,
+    holds_of_course,
+    lateness_of,
+)
 from cellwright.engine.model.outcome import Infeasible, Statistics
 from cellwright.engine.model.shop_scheduling import (
     Hold,
@@ -36,6 +43,7 @@ from cellwright.engine.pipelines.planning.timetable.flows import (
     meets_others,
 )
 from cellwright.engine.pipelines.planning.timetable.step_order import SCOPE_ALL_PLANS
+from cellwright.engine.pipelines.planning.window_keeping import judge_times
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.checker import check_schedule
 from cellwright.engine.stages.scheduling.flow.bounds import Demand, least_of_all
@@ -98,12 +106,29 @@ def _as_plan(gate: PlanGate, cell: CellFlow, found: Flowed, floor: int) -> Timet
         raise Mislaid(wrong[0])
     if findings := gate.findings(cell.problem, plan):
         raise Mislaid(findings[0].message)
-    least = floor >= found.makespan and not schedule.tardiness
-    return Timetable(plan, starts, shop, schedule, SCOPE_ALL_PLANS if least else WAYS, floor=floor)
+    judged = judge_times(cell.problem, Timetable(plan, starts, shop, schedule, WAYS, floor=floor))
+    if not judged.keeps_hours:
+        raise Mislaid("a window between objects is not kept")
+    least = floor >= found.makespan and not schedule.tardiness and judged.keeps_all
+    return replace(judged, scope=SCOPE_ALL_PLANS if least else WAYS)
 
 
 def _stage_name(cell: CellFlow, item: int, place: int, course: Course) -> str:
     return f"{cell.flow.items[item].name} {place + 1} {course.acts[place].name}"
+
+
+def _lag_windows(
+    names: Sequence[str], course: Course, lags: Sequence[RouteLag]
+) -> Iterator[StageWindow]:
+    """The windows between acts, those that the course keeps."""
+    for lag in lags:
+        if lag.earlier.layer is None or lag.later.layer is None or lag.breach(course):
+            continue
+        one, other = (
+            StageMoment(names[layer], moment.offsets[course.acts[layer].number])
+            for moment, layer in ((lag.earlier, lag.earlier.layer), (lag.later, lag.later.layer))
+        )
+        yield StageWindow(one, other, lag.least, lag.most)
 
 
 def _shop(cell: CellFlow, found: Flowed) -> tuple[Shop, Schedule]:
@@ -146,6 +171,7 @@ def _shop(cell: CellFlow, found: Flowed) -> tuple[Shop, Schedule]:
                     StageMoment(names[held.last], held.left),
                 )
                 windows.append(StageWindow(came, left, 0, route.stays[held.place]))
+        windows += _lag_windows(names, course, route.lags)
     used = {name for job in jobs for stage in job.stages for name in stage.resources}
     used |= {hold.resource for hold in holds}
     resources = tuple(

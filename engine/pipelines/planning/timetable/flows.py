@@ -15,6 +15,10 @@ from cellwright.engine.kernels.bits import Bits, indices
 from cellwright.engine.model.flow import Flow, Item, Route
 from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.pipelines.planning.dwell_limits import wishes_for
+from cellwright.engine.pipelines.planning.timetable.flow_windows import (
+    calendar_names,
+    route_with_windows,
+)
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.scheduling.flow.bounds import Demand
 from cellwright.engine.stages.scheduling.flow.detours import with_waits
@@ -34,6 +38,7 @@ from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.model.conditions import ALWAYS_TRUE
 from cellwright.kb.model.object_likeness import constant_names
 from cellwright.kb.model.planning_problem import Chain, Problem
+from cellwright.kb.model.time_windows import TimeOfWork, TimeWindow
 from cellwright.kb.terms import Atom, Function, Term, natural_key
 
 Renaming = Mapping[Term, Term]
@@ -242,7 +247,15 @@ class _Known:
             (tuple(self._masked(stage, subject) for stage in chain.stages), len(chain.after))
             for chain in self.chains[subject]
         ]
-        return self.problem.objects.get(str(subject)), frozenset(facts.items()), tuple(stages)
+        times = tuple(self._masked_window(window, subject) for window in self.problem.all_windows)
+        work = tuple(self._masked(each.of, subject) for each in self.problem.all_calendars)
+        type_ = self.problem.objects.get(str(subject))
+        return type_, frozenset(facts.items()), tuple(stages), times, work
+
+    def _masked_window(self, window: TimeWindow, subject: Term) -> object:
+        """What a window says of an object: its events, and whether it is about this object."""
+        events = (self._masked(pattern.atom, subject) for pattern in (window.earlier, window.later))
+        return *events, tuple(subject in values for _, values in window.among)
 
     def _masked(self, term: Term, subject: Term) -> Term:
         if term == subject:
@@ -426,9 +439,13 @@ def _assembled(problem: Problem, kinds: tuple[Kind, ...], wishes: Wishes) -> Cel
     made = []
     for kind in kinds:
         places = frozenset(kind.maker.places()) - spare
-        made.append(kind.maker.route(places, names_, levels.held))
+        route, edges = kind.maker.route(places, names_, levels.held)
+        first_one = next(iter(kind.members))
+        alone = _alone(_Known(problem, frozenset()), first_one)
+        made.append((route_with_windows(alone, first_one, route, edges), edges))
     routes = tuple(route for route, _ in made)
-    capacity = _capacities(routes, {group[0]: len(group) for group in groups}, first)
+    calendars = calendar_names(problem.all_calendars)
+    capacity = _capacities(routes, {group[0]: len(group) for group in groups}, first, calendars)
     subjects = subjects_in(problem)
     number = {member: n for n, kind in enumerate(kinds) for member in kind.members}
     items = tuple(
@@ -446,7 +463,7 @@ def _assembled(problem: Problem, kinds: tuple[Kind, ...], wishes: Wishes) -> Cel
     }
     return CellFlow(
         problem,
-        Flow(routes, items, capacity),
+        Flow(routes, items, capacity, calendars),
         kinds,
         subjects,
         units,
@@ -456,7 +473,12 @@ def _assembled(problem: Problem, kinds: tuple[Kind, ...], wishes: Wishes) -> Cel
     )
 
 
-def _capacities(routes: Sequence[Route], sizes: Mapping[str, int], own: set[str]) -> dict[str, int]:
+def _capacities(
+    routes: Sequence[Route],
+    sizes: Mapping[str, int],
+    own: set[str],
+    calendars: Mapping[str, TimeOfWork],
+) -> dict[str, int]:
     """The capacity of everything that routes hold, without the places of single objects."""
     named = dict[str, None]()
     for route in routes:
@@ -464,4 +486,6 @@ def _capacities(routes: Sequence[Route], sizes: Mapping[str, int], own: set[str]
         for act in (act for layer in route.layers for act in layer):
             named.update(dict.fromkeys(use.resource for use in act.uses))
             named.update(dict.fromkeys(take.place for take in act.takes))
+    for name in calendars:
+        named.pop(name, None)
     return {name: sizes.get(name, 1) for name in named if name not in own}

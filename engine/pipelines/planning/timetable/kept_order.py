@@ -4,7 +4,7 @@ A longest path is exact here, so nothing is searched, and plans of any length ar
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from cellwright.engine.model.plan_times import plan_makespan
@@ -19,6 +19,7 @@ from cellwright.engine.model.time_limits import measured_steps, missed_windows, 
 from cellwright.engine.pipelines.planning.dwell_limits import find_overstays
 from cellwright.engine.pipelines.planning.plan_gate import InternalError, PlanGate
 from cellwright.engine.pipelines.planning.timetable.step_order import by_step
+from cellwright.engine.pipelines.planning.window_keeping import judge_times, lags_of_plan
 from cellwright.engine.stages.scheduling.checker import check_schedule
 from cellwright.engine.stages.scheduling.plan_blocks import (
     Unstructured,
@@ -26,9 +27,12 @@ from cellwright.engine.stages.scheduling.plan_blocks import (
     contains_term,
 )
 from cellwright.engine.stages.scheduling.shop_translation import Wishes
+from cellwright.engine.stages.scheduling.window_lags import raised_starts
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.diagnostics import Diagnostic, Source
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.model.time_windows import TimeOfWork
 from cellwright.kb.terms import Term
 
 MAX_SCHEDULED_STEPS = 400  # steps; longer plans without a workflow keep their order
@@ -52,11 +56,15 @@ def order_keeping_timetable(
     )
     # of the tour; None if it starts with the first measurement
     start = 0 if wishes.under_way else None
-    starts = _earliest_starts(plan, wishes, round_, opening_delays(wishes.windows, visits), start)
+    known = PlanGate().semantics(problem)
+    opening = opening_delays(wishes.windows, visits)
+
+    def starts_from(least: Mapping[StepId, int]) -> dict[StepId, int]:
+        return _earliest_starts(plan, wishes, round_, opening, start, least)
+
+    starts = _within_windows(problem, plan, wishes, known, starts_from)
     last, late = plan_makespan(plan, starts), weighted_lateness(plan, wishes, starts)
-    too_long = find_overstays(
-        problem, plan, starts, wishes.longest_stay, PlanGate().semantics(problem)
-    )
+    too_long = find_overstays(problem, plan, starts, wishes.longest_stay, known)
     schedule = Schedule({}, (), last, last, late, proved=not too_long)
     timetable = by_step(problem, plan, starts, schedule, note, SCOPE_KEPT_ORDER)
     waiting = (
@@ -70,7 +78,35 @@ def order_keeping_timetable(
     if wrong := check_schedule(shop, replayed):
         raise InternalError([Diagnostic(Source(problem.path), "K508", wrong[0])])
     outside = missed_windows(wishes.windows, visits, starts, start)
-    return replace(timetable, shop=shop, overstays=too_long, missed=outside)
+    made = replace(timetable, shop=shop, overstays=too_long, missed=outside)
+    return judge_times(problem, made, known)
+
+
+StartsFrom = Callable[[Mapping[StepId, int]], dict[StepId, int]]
+
+
+def _within_windows(
+    problem: Problem, plan: Plan, wishes: Wishes, known: Semantics, starts_from: StartsFrom
+) -> dict[StepId, int]:
+    """The earliest starts in the order of the plan that keep all windows; else those that keep all
+    without a price; else the earliest ones.
+    """
+    earliest = starts_from({})
+    if not wishes.between:
+        return earliest
+    ids = [step.id for step in plan.steps]
+
+    def forward(least: Sequence[int]) -> tuple[list[int], int]:
+        starts = starts_from(dict(zip(ids, least, strict=True)))
+        return [starts[number] for number in ids], plan_makespan(plan, starts)
+
+    lags = lags_of_plan(problem, plan, known)
+    hard = [lag for lag in lags if lag.price is None]
+    for asked in (lags, hard) if len(hard) < len(lags) else (lags,):
+        raised = raised_starts(asked, len(ids), forward)
+        if raised is not None:
+            return dict(zip(ids, raised[0], strict=True))
+    return earliest
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,10 +159,16 @@ def _steps_of_arm(plan: Plan, wishes: Wishes) -> tuple[Term, list[Step]] | None:
 
 
 def _earliest_starts(
-    plan: Plan, wishes: Wishes, round_: _ArmRound, opening: Mapping[StepId, int], begin: int | None
+    plan: Plan,
+    wishes: Wishes,
+    round_: _ArmRound,
+    opening: Mapping[StepId, int],
+    begin: int | None,
+    least: Mapping[StepId, int],
 ) -> dict[StepId, int]:
     """The earliest start of each step: after the steps that it waits for, its release, the way of
-    the arm to it, and the `opening` of its window after the `begin` of the tour.
+    the arm to it, and the `opening` of its window after the `begin` of the tour; not below its
+    `least` start, and when calendars allow it.
     """
     starts: dict[StepId, int] = {}
     ends: dict[StepId, int] = {}
@@ -142,9 +184,24 @@ def _earliest_starts(
         if step.id in opening:
             begin = max(soonest, default=0) if begin is None else begin
             soonest.append(begin + opening[step.id])
-        starts[step.id] = max(soonest, default=0)
+        soonest.append(least.get(step.id, 0))
+        starts[step.id] = _open_from(wishes.calendars, step, max(soonest))
         ends[step.id] = starts[step.id] + step.duration
     return starts
+
+
+def _open_from(calendars: Sequence[TimeOfWork], step: Step, start: int) -> int:
+    """The first time from `start` on at which all calendars allow a step; `start` if none is."""
+    own = [each for each in calendars if each.covers(step.operator, step.resources)]
+    time, before = start, start - 1
+    while own and before < time:
+        before = time
+        for calendar in own:
+            soonest = calendar.soonest(time, step.duration)
+            if soonest is None:
+                return start
+            time = soonest
+    return time
 
 
 def _with_windows(

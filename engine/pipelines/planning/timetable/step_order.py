@@ -24,6 +24,7 @@ from cellwright.engine.model.shop_scheduling import (
 )
 from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.pipelines.planning.timetable.alternative_means import alternative_operators
+from cellwright.engine.pipelines.planning.window_keeping import lags_of_plan
 from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps
 from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.plan_blocks import (
@@ -32,6 +33,7 @@ from cellwright.engine.stages.scheduling.plan_blocks import (
     contains_term,
 )
 from cellwright.engine.stages.scheduling.shop_translation import Wishes
+from cellwright.engine.stages.scheduling.window_lags import StepLag
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Term
@@ -129,6 +131,8 @@ class TimedSteps:
             self._stays,
             self._by_step(self.wishes.release),
             tuple(self._due()),
+            self.lags,
+            self.wishes.calendars,
             optional,
         )
         own = earliest_starts(self.plan)
@@ -149,10 +153,26 @@ class TimedSteps:
                 loads[resource] += step.duration
         return max([0, *loads.values(), *_soonest_times(self.task.initial, self.operators)[1]])
 
+    @cached_property
+    def lags(self) -> list[StepLag]:
+        """The windows between the steps, those that have several events in the plan's order."""
+        if not self.wishes.between:
+            return []
+        numbered = enumerate(self.operators, 1)
+        steps = (
+            Step(StepId(n), each.instance, (), each.resources, each.duration, each.cost)
+            for n, each in numbered
+        )
+        return lags_of_plan(self.problem, Plan(tuple(steps)))
+
     @property
     def _horizon(self) -> int:
         trips = max(self.wishes.travel.values(), default=0) * (len(self.operators) + 1)
-        return plan_makespan(self.plan) + trips + max(self.wishes.release.values(), default=0)
+        last = trips + max(self.wishes.release.values(), default=0)
+        if not self.wishes.between and not self.wishes.calendars:
+            return last + plan_makespan(self.plan)
+        last += sum(step.duration for step in self.operators) + sum(lag.least for lag in self.lags)
+        return max([last, *(each.horizon(last) for each in self.wishes.calendars)])
 
     @cached_property
     def _arm(self) -> Term | None:

@@ -8,15 +8,17 @@ end, so that no two objects can wait for each other's places.
 """
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from cellwright.engine.kernels.taken import Row, Taken
 from cellwright.engine.model.flow import FOREVER, Act, Course, Flow, Route, holds_of_course
+from cellwright.kb.model.time_windows import TimeOfWork
 
 Layers = tuple[tuple[Act, ...], ...]
 BESIDE = 20  # acts that take as long as what is done beside raising their starts
 WIDTH = 6  # beginnings of a course that are kept
+USERS = 1 << 30  # acts that may be done at once when a calendar allows it
 
 
 @dataclass
@@ -25,13 +27,18 @@ class Board:
 
     flow: Flow
     courses: dict[int, Course] = field(default_factory=dict)
-    rows: dict[tuple[int, tuple[int, ...]], Row] = field(default_factory=dict)
+    rows: dict[tuple[int, tuple[int, ...], bool], Row | None] = field(default_factory=dict)
     straight: dict[tuple[int, frozenset[int]], Layers] = field(default_factory=dict)
     effort: int = 0  # acts whose starts were raised, with what is done beside
 
     def __post_init__(self) -> None:
-        self.number = {name: n for n, name in enumerate(self.flow.capacity)}
-        self.taken = Taken(list(self.flow.capacity.values()))
+        names = (*self.flow.capacity, *self.flow.calendars)
+        self.number = {name: n for n, name in enumerate(names)}
+        users = [USERS] * len(self.flow.calendars)
+        self.taken = Taken([*self.flow.capacity.values(), *users])
+        for name, calendar in self.flow.calendars.items():
+            for begin, end in _closed(calendar, self.flow.horizon):
+                self.taken.add(self.number[name], begin, end, USERS)
         for number in range(len(self.flow.items)):
             self._stand(number, 1)
 
@@ -58,6 +65,7 @@ class Board:
         if course.acts:
             number = self.flow.items[item].route
             row = self._row_of(number, self.flow.route(item), course.acts)
+            assert row is not None  # hard windows are kept in some way, or there is no course
             self.taken.mark(row, array("q", course.starts), change)
 
     def earliest(
@@ -117,22 +125,30 @@ class Board:
     def _raised(
         self, number: int, route: Route, acts: Sequence[Act], starts: Sequence[int]
     ) -> list[int] | None:
-        """The least starts that fit, not below these; None if there are none."""
+        """The least starts that fit, not below these; those that keep windows with a price, if
+        there are such. None if there are none.
+        """
         if not acts:
             return []
-        self.effort += len(acts) + BESIDE
-        row, times = self._row_of(number, route, acts), array("q", starts)
-        return list(times) if self.taken.raised(row, times) else None
+        for strict in (True, False) if _has_prices(route) else (False,):
+            self.effort += len(acts) + BESIDE
+            row, times = self._row_of(number, route, acts, strict), array("q", starts)
+            if row is not None and self.taken.raised(row, times):
+                return list(times)
+        return None
 
-    def _row_of(self, number: int, route: Route, acts: Sequence[Act]) -> Row:
-        key = number, tuple([act.number for act in acts])
-        row = self.rows.get(key)
-        if row is None:
-            row = self.rows[key] = self._row(route, acts)
-        return row
+    def _row_of(
+        self, number: int, route: Route, acts: Sequence[Act], strict: bool = False
+    ) -> Row | None:
+        key = number, tuple([act.number for act in acts]), strict
+        if key not in self.rows:
+            self.rows[key] = self._row(route, acts, strict)
+        return self.rows[key]
 
-    def _row(self, route: Route, acts: Sequence[Act]) -> Row:
-        """What acts use and hold, as numbers."""
+    def _row(self, route: Route, acts: Sequence[Act], strict: bool) -> Row | None:
+        """What acts use and hold, as numbers, with the windows that have a price if `strict`; None
+        if windows contradict each other.
+        """
         uses = [
             (n, self.number[use.resource], use.begin, use.end)
             for n, act in enumerate(acts)
@@ -147,7 +163,64 @@ class Board:
                 first = -1 if hold.first is None else hold.first
                 last = -1 if hold.last is None else hold.last
                 holds.append((place, first, hold.begin, hold.came, last, hold.left, hold.end, most))
-        return Row([act.duration for act in acts], uses, holds, len(acts) == len(route.layers))
+        waits = list(waits_of(route, acts, strict))
+        durations = [act.duration for act in acts]
+        if not _agree(durations, waits):
+            return None
+        return Row(durations, uses, holds, len(acts) == len(route.layers), waits)
+
+
+def waits_of(
+    route: Route, acts: Sequence[Act], strict: bool = True
+) -> Iterator[tuple[int, int, int]]:
+    """What the windows of a route ask of the starts of acts: each act starts so long after another
+    one. Time 0 is -1. Windows with a price are among them if `strict`.
+    """
+    for lag in route.lags:
+        layers = [-1 if m.layer is None else m.layer for m in (lag.earlier, lag.later)]
+        if max(layers) >= len(acts) or (lag.price is not None and not strict):
+            continue
+        one, other = (
+            moment.offsets[0 if layer < 0 else acts[layer].number]
+            for moment, layer in zip((lag.earlier, lag.later), layers, strict=True)
+        )
+        yield layers[1], layers[0], lag.least + one - other
+        if lag.most is not None:
+            yield layers[0], layers[1], other - one - lag.most
+
+
+def _agree(durations: Sequence[int], waits: Sequence[tuple[int, int, int]]) -> bool:
+    """Whether some starts keep all waits (Bellman 1958)."""
+    starts = [0] * len(durations)
+    for _ in range(len(durations) + 2 if waits else 0):
+        before, now = list(starts), 0
+        for act, lasts in enumerate(durations):
+            starts[act] = max(starts[act], now)
+            now = starts[act] + lasts
+        for act, other, wait in waits:
+            least = wait + (starts[other] if other >= 0 else 0)
+            if act < 0 and least > 0:
+                return False
+            if act >= 0:
+                starts[act] = max(starts[act], least)
+        if starts == before:
+            return True
+    return not waits
+
+
+def _has_prices(route: Route) -> bool:
+    return any(lag.price is not None for lag in route.lags)
+
+
+def _closed(calendar: TimeOfWork, horizon: int) -> Iterator[tuple[int, int]]:
+    """The times in which a calendar allows nothing; after a horizon that is for ever."""
+    now = 0
+    for first, last in calendar.open_spans(horizon):
+        if first > now:
+            yield now, first
+        now = max(now, last)
+    if now < FOREVER:
+        yield now, FOREVER
 
 
 def _leads(acts: Sequence[Act], act: Act) -> bool:

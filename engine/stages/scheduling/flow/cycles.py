@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from ortools.sat.python import cp_model
 from ortools.sat.python.cp_model import IntervalVar, LiteralT
 
-from cellwright.engine.model.flow import Course, Flow, Route
+from cellwright.engine.model.flow import Course, Flow, Route, RouteLag
 from cellwright.engine.stages.scheduling.flow.board import Board
 from cellwright.engine.stages.scheduling.flow.model import FlowModel, Time, _Line
 from cellwright.engine.stages.scheduling.schedule_limits import ScheduleLimits
@@ -109,7 +109,13 @@ class Pattern:
 def best_pattern(flow: Flow, lag: float, limits: ScheduleLimits) -> Pattern | None:
     """The pattern found with which the objects of a flow end first, all of one route; None if there
     is none. No period less than `lag` is tried.
+
+    What is said about times after the start of the plan, or has a price, no pattern keeps.
     """
+    if flow.calendars or not all(
+        _is_repeated(window) for route in flow.routes for window in route.lags
+    ):
+        return None
     if len(flow.routes) != 1 or len({item.release for item in flow.items}) != 1:
         return None
     if (alone := Board(flow).earliest(0)) is None:
@@ -118,6 +124,11 @@ def best_pattern(flow: Flow, lag: float, limits: ScheduleLimits) -> Pattern | No
     straight = replace(flow, routes=(replace(route, layers=route.straight(())),))
     search = _Periods(straight, LONGER * alone.end, replace(limits, work=limits.work * WORK))
     return search.best(max(1, round(lag)), alone.end)
+
+
+def _is_repeated(window: RouteLag) -> bool:
+    """Whether a window is about two acts of one object, and is never broken."""
+    return window.price is None and None not in (window.earlier.layer, window.later.layer)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,10 @@ from cellwright.engine.model.flow import Act, Course, Flow, Leave, Route, Take, 
 
 
 def mirror_flow(flow: Flow) -> Flow | None:
-    """The flow from its end; None if objects may not begin at once, or ways end differently."""
-    if any(item.release or item.due is not None for item in flow.items):
+    """The flow from its end; None if objects may not begin at once, if windows or calendars say
+    when acts are done, or if ways end differently.
+    """
+    if flow.has_windows or any(item.release or item.due is not None for item in flow.items):
         return None
     routes = [_mirror_route(route) for route in flow.routes]
     if any(route is None for route in routes):

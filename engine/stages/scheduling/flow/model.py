@@ -9,10 +9,28 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ortools.sat.python.cp_model import CpModel, CpSolver, IntervalVar, IntVar, LinearExpr, LiteralT
+from ortools.sat.python.cp_model import (
+    CpModel,
+    CpSolver,
+    Domain,
+    IntervalVar,
+    IntVar,
+    LinearExpr,
+    LiteralT,
+)
 
-from cellwright.engine.model.flow import FOREVER, Act, Course, Flow, Route
+from cellwright.engine.model.flow import (
+    FOREVER,
+    Act,
+    Course,
+    Flow,
+    Route,
+    RouteLag,
+    RouteMoment,
+    Use,
+)
 from cellwright.engine.stages.scheduling.flow.board import spans
+from cellwright.kb.model.time_windows import TimeOfWork
 
 Time = LinearExpr | int
 
@@ -42,6 +60,7 @@ class FlowModel:
     cp: CpModel = field(default_factory=CpModel)
 
     def __post_init__(self) -> None:
+        self.prices: list[LinearExpr] = []
         self.intervals: dict[str, list[IntervalVar]] = defaultdict(list)
         self.lines = {item: self._line(item) for item in self.free}
         others = max((course.end for course in self.settled.values()), default=0)
@@ -67,7 +86,29 @@ class FlowModel:
         self._follow(route, line)
         self._use(route, line)
         self._hold(route, line)
+        for lag in route.lags:
+            self._keep(lag, line)
         return line
+
+    def _keep(self, lag: RouteLag, line: _Line) -> None:
+        """A window between two acts; what it is broken by has its price, or is 0."""
+        lasts = self._time(lag.later, line) - self._time(lag.earlier, line)
+        broken: IntVar | int = 0
+        if lag.price is not None:
+            broken = self.cp.new_int_var(0, 2 * self.horizon + lag.least, "")
+            self.prices.append(lag.price * broken)
+        self.cp.add(lasts + broken >= lag.least)
+        if lag.most is not None:
+            self.cp.add(lasts - broken <= lag.most)
+
+    def _time(self, moment: RouteMoment, line: _Line) -> Time:
+        """When a moment of the act that is done is."""
+        if moment.layer is None:
+            return 0
+        start = line.starts[moment.layer]
+        if len(set(moment.offsets)) == 1:
+            return start + moment.offsets[0]
+        return start + LinearExpr.weighted_sum(line.done[moment.layer], moment.offsets)
 
     def _lasting(self, layer: Sequence[Act], literals: Sequence[LiteralT]) -> Time:
         """How long the act of a layer that is done lasts."""
@@ -109,11 +150,20 @@ class FlowModel:
         for layer, start, literals in zip(route.layers, line.starts, line.done, strict=True):
             for act, literal in zip(layer, literals, strict=True):
                 for use in act.uses:
-                    if use.resource in self.flow.capacity:
+                    if use.resource in self.flow.calendars:
+                        self._open(self.flow.calendars[use.resource], use, start, literal)
+                    elif use.resource in self.flow.capacity:
                         span = self.cp.new_optional_fixed_size_interval_var(
                             start + use.begin, use.end - use.begin, literal, ""
                         )
                         self.intervals[use.resource].append(span)
+
+    def _open(self, calendar: TimeOfWork, use: Use, start: Time, literal: LiteralT) -> None:
+        """An act is done when its calendar allows it."""
+        allowed = calendar.allowed_starts(use.end - use.begin, self.horizon)
+        self.cp.add_linear_expression_in_domain(
+            start + use.begin, Domain.from_intervals(allowed)
+        ).only_enforce_if(literal)
 
     def _hold(self, route: Route, line: _Line) -> None:
         for place in route.held:
@@ -209,7 +259,7 @@ class FlowModel:
                 self.cp.add(self.lines[one].starts[0] <= self.lines[other].starts[0])
 
     def minimise(self, bound: int, early: bool = False) -> None:
-        """Lateness first, then the makespan; if asked, then that items end early."""
+        """Lateness and prices first, then the makespan; if asked, then that items end early."""
         self.cp.add(self.makespan >= bound)
         late = []
         for item, line in self.lines.items():
@@ -218,9 +268,9 @@ class FlowModel:
                 lateness = self.cp.new_int_var(0, self.horizon, "")
                 self.cp.add(lateness >= line.end - own.due)
                 late.append(own.priority * lateness)
-        self.tardiness = sum(late)
+        self.wrong = sum(late) + sum(self.prices)
         weight = len(self.lines) if early else 0
-        first = (self.horizon + 1) * self.tardiness + self.makespan
+        first = (self.horizon + 1) * self.wrong + self.makespan
         ends = sum(line.end for line in self.lines.values())
         self.cp.minimize(first * (weight * self.horizon + 1) + ends if early else first)
 

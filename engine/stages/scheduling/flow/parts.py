@@ -103,8 +103,10 @@ def _add_later_parts(word: Word, parts: int) -> Word:
 
 
 def cut_in_parts(flow: Flow) -> Iterator[PartedFlow]:
-    """The ways to cut the items of a flow where they may wait in a place of their own."""
-    if len(flow.routes) != 1 or not flow.items:
+    """The ways to cut the items of a flow where they may wait in a place of their own; none where
+    windows join parts, or calendars say when acts are done.
+    """
+    if flow.has_windows or len(flow.routes) != 1 or not flow.items:
         return
     (route,) = flow.routes
     if any(place in flow.capacity or place in route.stays for place in route.held):

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from cellwright.engine.model.flow import Course, Flow, Flowed, lateness_of
+from cellwright.engine.model.flow import Course, Flow, Flowed, lateness_of, price_of
 from cellwright.engine.stages.scheduling.flow.board import Board
 from cellwright.engine.stages.scheduling.flow.mirror import mirror_flow, turn_back
 from cellwright.engine.stages.scheduling.flow.parts import cut_in_parts
@@ -44,10 +44,12 @@ Value = tuple[int, int, float]
 
 
 def best_flow(flow: Flow, bound: int, limits: ScheduleLimits) -> Flowed | None:
-    """The best schedule found; None if there is none by rule. No schedule ends before `bound`."""
+    """The best schedule found; None if none was found. No schedule ends before `bound`."""
     search = _Search(flow, bound, limits)
     if not search.by_rule():
-        return None
+        # what must be done by a certain time may need another order
+        search.solve(limits.work)
+        return search.flowed if search.best else None
     if not search.is_best and not limits.interrupted():
         search.put_back(search.share * limits.work)
     if not search.is_best and not limits.interrupted():
@@ -92,9 +94,10 @@ class _Search:
         return Flowed(self.best, min(self.least, value[1]), self.is_best)
 
     def value(self, courses: Sequence[Course]) -> Value:
-        """Lateness, then the makespan, then how late items end on average."""
+        """Lateness and prices, then the makespan, then how late items end on average."""
         ends = [course.end for course in courses]
-        return lateness_of(self.flow, courses), max(ends, default=0), sum(ends) / max(1, len(ends))
+        wrong = lateness_of(self.flow, courses) + price_of(self.flow, courses)
+        return wrong, max(ends, default=0), sum(ends) / max(1, len(ends))
 
     def keep(self, courses: Sequence[Course]) -> None:
         """Keep a schedule if it is the best so far."""
@@ -263,8 +266,11 @@ class _Search:
             solved,  # the solver takes a while to load
         )
 
-        late, makespan, _ = self.value(self.best)
-        horizon = makespan if not late else 2 * makespan
+        horizon = self.flow.horizon
+        if self.best:
+            wrong, makespan, _ = self.value(self.best)
+            longest = horizon if price_of(self.flow, self.best) else 2 * makespan
+            horizon = makespan if not wrong else max(longest, makespan)
         found = solved(self.flow, self.best, horizon, self.bound, replace(self.limits, work=work))
         if found is not None:
             self.keep(found.courses)
@@ -288,7 +294,7 @@ class _Table:
 
     @property
     def value(self) -> Value:
-        """Lateness, then the makespan, then how late items end on average."""
+        """Lateness and prices, then the makespan, then how late items end on average."""
         return sum(self.late), max(self.ends), self.sum / len(self.ends)
 
     @property
@@ -304,20 +310,25 @@ class _Table:
         """Put an item on the board."""
         self.board.settle(item, course)
         insort(self.order, (course.starts[0] if course.starts else 0, item))
-        self._note(item, course.end)
+        self._note(item, course.end, self._price(item, course))
 
     def remove(self, item: int) -> Course:
         """Take an item off the board."""
         course = self.board.remove(item)
         del self.order[bisect_left(self.order, (course.starts[0] if course.starts else 0, item))]
-        self._note(item, 0)
+        self._note(item, 0, 0)
         return course
 
-    def _note(self, item: int, end: int) -> None:
+    def _price(self, item: int, course: Course) -> int:
+        lags = self.flow.route(item).lags
+        return sum(lag.price * lag.breach(course) for lag in lags if lag.price)
+
+    def _note(self, item: int, end: int, price: int) -> None:
         own = self.flow.items[item]
         self.sum += end - self.ends[item]
         self.ends[item] = end
-        self.late[item] = 0 if own.due is None else own.priority * max(0, end - own.due)
+        late = 0 if own.due is None else own.priority * max(0, end - own.due)
+        self.late[item] = late + price
 
 
 def _in_turn(flow: Flow, order: Sequence[int], lag: int) -> list[Course] | None:

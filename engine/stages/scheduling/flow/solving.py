@@ -15,20 +15,25 @@ SOLVED = (cp_model.OPTIMAL, cp_model.FEASIBLE)
 def solved(
     flow: Flow, known: Sequence[Course], horizon: int, bound: int, limits: ScheduleLimits
 ) -> Flowed | None:
-    """The best schedule of all items that is found, with its bound; None if none was found."""
+    """The best schedule of all items that is found, with its bound; None if none was found. There
+    need be no schedule that is known.
+    """
     model = FlowModel(flow, range(len(flow.items)), {}, horizon)
     model.order()
     model.minimise(bound)
-    model.hint(dict(enumerate(_in_order(flow, known))))
+    if known:
+        model.hint(dict(enumerate(_in_order(flow, known))))
     solver = cp_model.CpSolver()
     status = run_solver(solver, model.cp, limits)
     if status not in SOLVED:
         return None
     courses = model.courses(solver)
-    late = solver.value(model.tardiness)
+    late = solver.value(model.wrong)
     least = 0 if late else round(solver.best_objective_bound)
     return Flowed(
-        tuple(courses[n] for n in range(len(known))), max(bound, least), status == cp_model.OPTIMAL
+        tuple(courses[n] for n in range(len(flow.items))),
+        max(bound, least),
+        status == cp_model.OPTIMAL,
     )
 
 

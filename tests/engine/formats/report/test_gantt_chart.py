@@ -11,6 +11,8 @@ from cellwright.engine.formats.report.plans.gantt_chart import (
     gantt_rows,
     schedule_entry,
     schedule_summary,
+    tightest_windows,
+    window_rows,
 )
 from cellwright.engine.formats.report.plans.gantt_svg import draw_gantt
 from cellwright.engine.model.shop_scheduling import (
@@ -22,6 +24,10 @@ from cellwright.engine.model.shop_scheduling import (
     ShopStage,
     StageMoment,
 )
+from cellwright.engine.model.window_breaches import WindowSpan
+from cellwright.kb.model.plan_model import StepId
+from cellwright.kb.model.time_windows import EventKind, EventPattern, Side, TimeWindow
+from cellwright.kb.terms import Function
 from tests.engine.stages.scheduling.test_checker import GOOD, SHOP
 
 
@@ -122,3 +128,37 @@ def test_the_summary_says_what_is_known() -> None:
         == "makespan 100 s, at least 98, gap 2.0 %, weighted tardiness 3"
     )
     assert schedule_summary(Schedule({}, (), 5, 5, 0, True)) == "makespan 5, proved to be the least"
+
+
+def span(most: int | None, begin: int, end: int) -> WindowSpan:
+    event = Function("read", (Function("a"),))
+    one, other = (EventPattern(EventKind.EVENT, event, side) for side in (Side.END, Side.START))
+    window = TimeWindow(one, other, most=most)
+    steps = (StepId(1), StepId(2))
+    return WindowSpan(window, "the end of x", "the start of y", begin, end, steps, (event, event))
+
+
+def test_a_window_has_a_bar_up_to_its_latest_time() -> None:
+    (row,) = window_rows([span(9, 3, 7)], 19, "s")
+    (bar,) = row.bars
+    assert (row.name, bar.start, bar.reached, bar.end) == ("at most 9", 3, 7, 12)
+    assert "5 s slack" in bar.detail
+    (open_ended,) = window_rows([span(None, 3, 7)], 19, "s")
+    assert open_ended.bars[0].end == 7
+    (cut,) = window_rows([span(90, 3, 7)], 19, "s")
+    assert cut.bars[0].end == 19
+
+
+def test_windows_are_drawn_in_both_charts_and_the_tightest_are_told() -> None:
+    spans = (span(9, 3, 7), span(30, 4, 9))
+    console = Console(width=60, color_system=None, record=True, file=io.StringIO())
+    console.print(GanttChart(SHOP, GOOD, "s", spans))
+    drawn_rows = console.export_text().splitlines()
+    assert "─" in drawn_rows[3]
+    assert "·" in drawn_rows[3]
+    root = ET.fromstring(draw_gantt(SHOP, GOOD, "s", spans=spans))
+    titles = [each.text or "" for each in root.iter("{http://www.w3.org/2000/svg}title")]
+    assert sum("slack" in title for title in titles) == 2
+    (told,) = tightest_windows(spans, "s")
+    assert told.startswith("The windows with the least slack: 4 s from the end of x")
+    assert tightest_windows([span(None, 1, 2)], "s") == []

@@ -304,3 +304,5 @@ def _left_out(problem: Problem) -> Iterator[str]:
             "durations and resources are left out: "
             f"{', '.join(operator.name for operator in timed)}"
         )
+    if problem.all_windows or problem.all_calendars:
+        yield "windows and calendars are left out: plans of other planners may break them"
