@@ -212,8 +212,8 @@ class DayModel:
             stay, held = moves[number + 1] - brought[number] - MOVE, self._time()
             self.cp.add(stay >= LASTS[number])
             self.cp.add(stay <= STAYS[number])
-            begin, end = brought[number] + PICK, moves[number + 1] + PICK
-            self.spans[name].append(self.cp.new_interval_var(begin, held, end, ""))
+            put, picked = brought[number] + PICK, moves[number + 1] + PICK
+            self.spans[name].append(self.cp.new_interval_var(put, held, picked, ""))
         return moves
 
     def _last(self, begin: cp_model.IntVar) -> cp_model.IntVar:
