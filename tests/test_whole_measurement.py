@@ -246,13 +246,18 @@ def test_every_benchmark_is_a_part() -> None:
     this measurement.
     """
     helped = {"screenshots", "mutants", "mutation_runs", "limits_work", "inspection_patches"}
-    # `make definition`, reuse beside planning, `make robust`, threads (docs/api.md), and PDDL with
-    # times beside other planners and checkers (docs/benchmarks.md)
+    # reuse beside planning, threads (docs/api.md), PDDL with times beside others, and those of
+    # `make definition`, `robust`, `races`, `damage`, `soak`, `endings` and `misbehaviour`
     own = {
+        "damage",
+        "endings",
+        "misbehaviour",
         "pddl_definition",
+        "races",
         "robot_pddl",
         "robust_times",
         "routes",
+        "soak",
         "temporal",
         "temporal_mutants",
         "threads",

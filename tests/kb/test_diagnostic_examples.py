@@ -50,10 +50,12 @@ def warnings_of(folder: Path) -> tuple[Diagnostic, ...] | None:
 
 
 def found_in(folder: Path) -> tuple[Diagnostic, ...]:
-    """What validate, plan --pddl, the readers of other formats or check report of this kind of
-    example.
+    """What validate, plan, plan --pddl, the readers of other formats or check report of this kind
+    of example.
     """
     try:
+        if (folder / "target.yaml").exists():
+            checked_plan.problem_of(str(folder / "target.yaml"))
         if (folder / "plan.json").exists():
             problem, plan, claims = load_claimed(folder / "plan.json")
             return tuple(checked_plan.check_plan(problem, plan, str(folder / "plan.json"), claims))

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cellwright.engine.pipelines.execution.cell_rest import (
         halt_open_drivers as halt_open_drivers,
     )
+    from cellwright.engine.pipelines.execution.compiled_program import ReplyLimits as ReplyLimits
     from cellwright.engine.pipelines.execution.controllers.conformance import (
         check_conformance as check_conformance,
     )
@@ -63,6 +64,7 @@ else:
                 "ReadyPlan",
                 "first_plan",
             ),
+            ".compiled_program": ("ReplyLimits",),
             ".cell_rest": (
                 "REST_MS",
                 "halt_open_drivers",

@@ -327,7 +327,7 @@ def reorder_steps(
     asked: StepOrdering, bound: int, known: Mapping[int, int], limits: ScheduleLimits
 ) -> Reordered | Infeasible | None:
     """The best order found, with `known` starts as a hint; None if none was found. Raises
-    `TooLarge`.
+    `TooManySupports`.
     """
     model = OrderModel(asked)
     model.build(bound)

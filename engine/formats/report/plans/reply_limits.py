@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from cellwright.engine.formats.report.text_tables import join_ranges
-from cellwright.engine.pipelines.execution.compiled_program import ReplyLimits
+from cellwright.engine.pipelines import execution
 from cellwright.kb.model.domain_model import ReplyTimes
 from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.model.planning_problem import Problem
@@ -15,7 +15,7 @@ def reply_limits(plan: Plan, problem: Problem) -> Mapping[int, int]:
     says = problem.domain.reply_times != ReplyTimes()
     if not says and all(operator.timeout is None for operator in operators.values()):
         return {}
-    limits = ReplyLimits(problem)
+    limits = execution.ReplyLimits(problem)
     return {
         int(step.id): limits.of_step(step, operators.get(step.operator.name)) for step in plan.steps
     }

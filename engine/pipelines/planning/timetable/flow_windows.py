@@ -104,21 +104,41 @@ class _RouteWindows:
 
     def _ways(self) -> Iterator[list[int]]:
         """Ways, each as the number of an act of each layer, so that each act is on one."""
-        into: dict[int, list[int]] = {0: []}  # a way to each node
-        onward: dict[int, list[int]] = {}  # a way from each node to the end
-        for layer in self.edges:
-            for number, edge in enumerate(layer):
-                into.setdefault(edge.after, [*into[edge.before], number])
-        for layer in reversed(self.edges):
-            for number, edge in enumerate(layer):
-                onward.setdefault(edge.before, [number, *onward.get(edge.after, [])])
+        into = self._ways_into()
+        onward = self._ways_onward()
         done = set[tuple[int, ...]]()
-        for layer in self.edges:
+        for place, layer in enumerate(self.edges):
             for number, edge in enumerate(layer):
-                way = [*into[edge.before], number, *onward.get(edge.after, [])]
-                if len(way) == len(self.edges) and tuple(way) not in done:
-                    done.add(tuple(way))
-                    yield way
+                before, after = into[place].get(edge.before), onward[place + 1].get(edge.after)
+                if before is None or after is None:
+                    continue
+                way = (*before, number, *after)
+                if way not in done:
+                    done.add(way)
+                    yield list(way)
+
+    def _ways_into(self) -> list[dict[int, tuple[int, ...]]]:
+        """Before each layer, a way to each node; a node may come before several layers."""
+        into: list[dict[int, tuple[int, ...]]] = [{0: ()}]
+        for layer in self.edges:
+            nodes: dict[int, tuple[int, ...]] = {}
+            for number, edge in enumerate(layer):
+                if edge.before in into[-1]:
+                    nodes.setdefault(edge.after, (*into[-1][edge.before], number))
+            into.append(nodes)
+        return into
+
+    def _ways_onward(self) -> list[dict[int, tuple[int, ...]]]:
+        """Before each layer, a way from each node to the end."""
+        last = {edge.after for edge in self.edges[-1]} if self.edges else {0}
+        onward: list[dict[int, tuple[int, ...]]] = [dict.fromkeys(last, ())]
+        for layer in reversed(self.edges):
+            nodes: dict[int, tuple[int, ...]] = {}
+            for number, edge in enumerate(layer):
+                if edge.after in onward[-1]:
+                    nodes.setdefault(edge.before, (number, *onward[-1][edge.after]))
+            onward.append(nodes)
+        return onward[::-1]
 
     def _on_way(self, known: Semantics, way: Sequence[int]) -> list["_WayLag"]:
         spots: list[tuple[int, int, int]] = []  # layer, act and begin of each step

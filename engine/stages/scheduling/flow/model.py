@@ -87,12 +87,12 @@ class FlowModel:
         self._use(route, line)
         self._hold(route, line)
         for lag in route.lags:
-            self._keep(lag, line)
+            self._keep(lag, route, line)
         return line
 
-    def _keep(self, lag: RouteLag, line: _Line) -> None:
+    def _keep(self, lag: RouteLag, route: Route, line: _Line) -> None:
         """A window between two acts; what it is broken by has its price, or is 0."""
-        lasts = self._time(lag.later, line) - self._time(lag.earlier, line)
+        lasts = self._time(lag.later, route, line) - self._time(lag.earlier, route, line)
         broken: IntVar | int = 0
         if lag.price is not None:
             broken = self.cp.new_int_var(0, 2 * self.horizon + lag.least, "")
@@ -101,14 +101,15 @@ class FlowModel:
         if lag.most is not None:
             self.cp.add(lasts - broken <= lag.most)
 
-    def _time(self, moment: RouteMoment, line: _Line) -> Time:
+    def _time(self, moment: RouteMoment, route: Route, line: _Line) -> Time:
         """When a moment of the act that is done is."""
         if moment.layer is None:
             return 0
         start = line.starts[moment.layer]
-        if len(set(moment.offsets)) == 1:
-            return start + moment.offsets[0]
-        return start + LinearExpr.weighted_sum(line.done[moment.layer], moment.offsets)
+        offsets = [moment.offsets[act.number] for act in route.layers[moment.layer]]
+        if len(set(offsets)) == 1:
+            return start + offsets[0]
+        return start + LinearExpr.weighted_sum(line.done[moment.layer], offsets)
 
     def _lasting(self, layer: Sequence[Act], literals: Sequence[LiteralT]) -> Time:
         """How long the act of a layer that is done lasts."""

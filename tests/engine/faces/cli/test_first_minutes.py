@@ -176,7 +176,7 @@ def test_a_shell_completes_problems(shell: str, tmp_path: Path) -> None:
 @pytest.fixture
 def written(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     found: list[str] = []
-    monkeypatch.setattr(progress_line, "_write_unbuffered", found.append)
+    monkeypatch.setattr(progress_line, "write_past_buffers", found.append)
     monkeypatch.setattr(progress_line, "PACE_S", 0.01)
     return found
 

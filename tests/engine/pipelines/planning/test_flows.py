@@ -2,6 +2,7 @@
 machine and arm is used.
 """
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,6 +25,7 @@ from cellwright.engine.stages.scheduling import ScheduleLimits
 from cellwright.engine.stages.scheduling.checker import check_schedule
 from cellwright.engine.stages.scheduling.flow.board import Board
 from cellwright.kb.model.planning_problem import Problem
+from tests.places import BUNDLED
 
 DOMAIN = """domain: bakes
 units: {time: s}
@@ -241,6 +243,22 @@ def test_no_schedule_ends_before_the_bound_of_all_plans(
 
 
 @pytest.mark.slow
+def test_windows_bind_plates_that_may_wait_at_home(tmp_path: Path) -> None:
+    """Ways that wait have more acts than straight ones; the windows are between the same two."""
+    home = tmp_path / "screening"
+    shutil.copytree(BUNDLED / "screening", home)
+    rules = (home / "rules.lp").read_text()
+    (home / "rules.lp").write_text(rules.replace("longest_stay(hotel, 60).", ""))
+    said = "windows: ['at most 6 min from incubated(P, _) to washed(P, _)']\n"
+    (home / "domain.yaml").write_text(said + (home / "domain.yaml").read_text())
+    problem = problem_of(str(home / "problems" / "two.yaml"))
+    (route,) = cell_flow(problem, PlanGate().semantics(problem)).flow.routes
+    (window,) = route.lags
+    assert (window.least, window.most) == (0, 360)
+    assert route.waits
+    assert isinstance(by_flow(problem, ScheduleLimits()), Timetable)
+
+
 def test_many_trays_have_no_cliff(tmp_path: Path) -> None:
     times = [
         flowing(trays(tmp_path, count, batter=100), 1.0).schedule.makespan for count in (8, 10)
