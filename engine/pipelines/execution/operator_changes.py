@@ -15,6 +15,7 @@ from cellwright.engine.pipelines.execution.plan_switching import (
     JoinedProgram,
     join_plan,
     left_behind,
+    switch_tasks,
     world_ahead,
 )
 from cellwright.engine.pipelines.execution.run_goals import RunScope, extend_problem, read_addition
@@ -75,7 +76,7 @@ def change_run(
         raise OrderRefused(
             "; ".join(diagnostic.message for diagnostic in error.diagnostics)
         ) from error
-    new = join_plan(course, new_scope, ready_plan)
+    new = join_plan(course, switch_tasks(course, new_scope), ready_plan)
     if given.order is OperatorCommand.ADD:
         return new_scope, new
     full = full_hands(new_scope.problem, new.ready.plan.steps, world_ahead(course).facts)

@@ -27,6 +27,7 @@ from cellwright.engine.pipelines.execution.plan_switching import (
     JoinedProgram,
     join_plan,
     left_behind,
+    switch_tasks,
     world_ahead,
 )
 from cellwright.engine.pipelines.execution.run_goals import RunScope, is_wish
@@ -66,7 +67,7 @@ def exchange_choices(course: RunProgress, scope: RunScope) -> Iterator[ExchangeC
     if not rest_plan.steps or len(rest_plan.steps) > MAX_RESCHEDULED_STEPS:
         return
     state, now = world_ahead(course), course.driver.now_ms()
-    rest = scope.rest(state)
+    rest, tasks = scope.rest(state), switch_tasks(course, scope)
     for exchange, plan in exchanged_plans(
         rest, state.facts, busy_terms(course, rest), rest_plan, course.gate
     ):
@@ -75,7 +76,7 @@ def exchange_choices(course: RunProgress, scope: RunScope) -> Iterator[ExchangeC
                 rest, plan, earliest_starts(plan), now, since=course.since
             )
             yield ExchangeChoice(
-                join_plan(course, scope, ready_plan), _exchange_text(exchange, rest_plan.steps)
+                join_plan(course, tasks, ready_plan), _exchange_text(exchange, rest_plan.steps)
             )
 
 
@@ -286,8 +287,9 @@ def _best_other_plan(
     now = course.driver.now_ms()
     present = forecast_prospect(course.compiled.program, course.standing, now)
     best: tuple[Prospect, JoinedProgram] | None = None
+    tasks = switch_tasks(course, scope)
     for ready_plan in _other_plans(course, scope, limits, present.late_ms > 0):
-        new = join_plan(course, scope, ready_plan)
+        new = join_plan(course, tasks, ready_plan)
         new_prospect = forecast_prospect(new.ready.compiled.program, new.standing, now)
         if best is None or _prospect_value(new_prospect) < _prospect_value(best[0]):
             best = new_prospect, new

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.pipelines.execution.compiled_program import unit_ms
 from cellwright.engine.pipelines.execution.executable_plan import (
     MAX_RESCHEDULED_STEPS,
@@ -25,8 +26,27 @@ from cellwright.engine.pipelines.recovery.remaining_problem import left_over
 from cellwright.engine.stages.execution import ExecutiveState, Running, standing_of
 from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps
 from cellwright.engine.stages.scheduling.plan_blocks import Unstructured
+from cellwright.kb.model.object_likeness import constant_names
 from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.model.planning_problem import Chain, Problem
+
+
+class SwitchTasks:
+    """The ground tasks in which plans for one rest of a run are looked at.
+
+    Plans that name the same things share a task: a review joins many of them.
+    """
+
+    def __init__(self, rest: Problem) -> None:
+        self.rest, self.gate = rest, PlanGate()
+        self._tasks: dict[frozenset[str], GroundTask] = {}
+
+    def task_of(self, plan: Plan) -> GroundTask:
+        """The task in which a plan is looked at."""
+        names = frozenset(name for step in plan.steps for name in constant_names(step.operator))
+        if names not in self._tasks:
+            self._tasks[names] = task_for(self.rest, plan)
+        return self._tasks[names]
 
 
 @dataclass(frozen=True)
@@ -57,13 +77,18 @@ def left_behind(course: RunProgress) -> Plan:
     return left_over(course.compiled.plan, {StepId(number) for number in begun})
 
 
-def join_plan(course: RunProgress, scope: RunScope, new_plan: ReadyPlan) -> JoinedProgram:
+def switch_tasks(course: RunProgress, scope: RunScope) -> SwitchTasks:
+    """The tasks for plans that are joined now."""
+    return SwitchTasks(scope.rest(course.world.state))
+
+
+def join_plan(course: RunProgress, tasks: SwitchTasks, new_plan: ReadyPlan) -> JoinedProgram:
     """The program of what is under way and of a plan that begins when it has ended."""
     numbers = sorted(course.standing.running)
     first = [_begun_step(course, number, place + 1) for place, number in enumerate(numbers)]
     rest = _steps_behind(new_plan, len(first))
-    rest_problem = scope.rest(course.world.state)
-    plan = _order_together(rest_problem, first, rest)
+    rest_problem = tasks.rest
+    plan = _order_together(tasks, first, rest)
     if not numbers:
         return JoinedProgram(
             new_plan, _joined_standing(course, new_plan, (), course.driver.now_ms())
@@ -95,14 +120,14 @@ def _steps_behind(new_plan: ReadyPlan, first: int) -> list[Step]:
     ]
 
 
-def _order_together(rest_problem: Problem, first: Sequence[Step], rest: Sequence[Step]) -> Plan:
+def _order_together(tasks: SwitchTasks, first: Sequence[Step], rest: Sequence[Step]) -> Plan:
     """The plan of both with only the orders that it needs; where these cannot be found, the
     rest waits for all of the first.
     """
     if first and len(first) + len(rest) <= MAX_RESCHEDULED_STEPS:
         try:
             both = Plan((*first, *rest))
-            task = task_for(rest_problem, both)
+            task = tasks.task_of(both)
             plan = deorder_steps(task, *operators_of(task, both))
         except Unstructured:
             pass
@@ -110,11 +135,11 @@ def _order_together(rest_problem: Problem, first: Sequence[Step], rest: Sequence
             whole = [step.operator for step in plan.steps] == [
                 step.operator for step in (*first, *rest)
             ]
-            if whole and not PlanGate().findings(rest_problem, plan):
+            if whole and not tasks.gate.findings(tasks.rest, plan):
                 return plan
     waits = tuple(step.id for step in first)
     behind = (replace(step, after=step.after or waits) for step in rest)
-    return PlanGate().accepted(rest_problem, Plan((*first, *behind)))
+    return tasks.gate.accepted(tasks.rest, Plan((*first, *behind)))
 
 
 def _forecast_starts(
