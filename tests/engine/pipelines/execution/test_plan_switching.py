@@ -1,4 +1,4 @@
-"""Plans that are joined with what is under way share the ground tasks that they are looked at in."""
+"""Plans joined with what is under way share the ground tasks in which they are looked at."""
 
 from cellwright.engine.model.outcome import Found
 from cellwright.engine.pipelines.execution.plan_switching import SwitchTasks
