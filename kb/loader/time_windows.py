@@ -154,7 +154,7 @@ class TimeReader:
         if word != "step" and predicate is not None:
             if predicate.kind not in EVENT_KINDS or (word and predicate.kind is Kind.EVENT):
                 wanted = (Kind.FLUENT,) if word else tuple(EVENT_KINDS)
-                self.names.predicate(_filled(atom, len(predicate.arguments)), expression, wanted)
+                self.names.predicate(_fill_atom(atom, len(predicate.arguments)), expression, wanted)
                 raise _Wrong
             kind = EventKind.ENDING if word == "not" else EVENT_KINDS[predicate.kind]
             return kind, self._typed(expression, atom, predicate)
@@ -172,7 +172,7 @@ class TimeReader:
             message = f"{atom.name} takes {count} arguments at most, not {len(atom.arguments)}"
             self.names.findings.add(expression.place(atom), "K102", message, hint)
             raise _Wrong
-        filled = _filled(atom, count)
+        filled = _fill_atom(atom, count)
         before = len(self.names.findings.diagnostics)
         typing = Typing(self.names)
         for argument, type_ in zip(filled.arguments, predicate.arguments, strict=True):
@@ -343,7 +343,7 @@ def _inside(text: str, offset: int) -> bool:
     return before.count("(") > before.count(")") or '"' in before
 
 
-def _filled(atom: Atom, count: int) -> Atom:
+def _fill_atom(atom: Atom, count: int) -> Atom:
     return Function(atom.name, (*atom.arguments, *[ANYTHING] * (count - len(atom.arguments))))
 
 

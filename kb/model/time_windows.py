@@ -153,7 +153,7 @@ class TimeOfWork:
         if self.period is None:
             yield from sorted(self.spans)
             return
-        joined = _joined(self.spans, self.period)
+        joined = _join_spans(self.spans, self.period)
         for turn in range(-1, horizon // self.period + 1 if len(joined) else 0):
             shift = turn * self.period
             yield from ((first + shift, last + shift) for first, last in joined)
@@ -171,7 +171,7 @@ class TimeOfWork:
         if self.period is None:
             return _soonest_in(self.spans, time, needed)
         turn = time // self.period
-        joined = _joined(self.spans, self.period)
+        joined = _join_spans(self.spans, self.period)
         for number in (turn - 1, turn, turn + 1, turn + 2):
             shift = number * self.period
             begin = _soonest_in([(a + shift, b + shift) for a, b in joined], time, needed)
@@ -185,7 +185,7 @@ def _soonest_in(spans: Sequence[tuple[int, int]], time: int, needed: int) -> int
     return min(begins, default=None)
 
 
-def _joined(spans: Sequence[tuple[int, int]], period: int) -> list[tuple[int, int]]:
+def _join_spans(spans: Sequence[tuple[int, int]], period: int) -> list[tuple[int, int]]:
     """Spans of one period; one that reaches its end goes on in the next, if that begins open."""
     ordered = sorted(spans)
     if not ordered or ordered[-1][1] < period or ordered[0][0] > 0:

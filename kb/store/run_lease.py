@@ -127,17 +127,18 @@ def own_identity() -> ProcessIdentity:
         machine = f"{boot}/{os.readlink('/proc/self/ns/pid')}"
     except OSError:
         machine = ""
-    return ProcessIdentity(machine, os.getpid(), _started(os.getpid()))
+    return ProcessIdentity(machine, os.getpid(), _process_start(os.getpid()))
 
 
 def is_gone(process: ProcessIdentity) -> bool:
     """Whether a process of this system has ended for sure."""
     return bool(process.machine) and (
-        process.machine == own_identity().machine and _started(process.process) != process.started
+        process.machine == own_identity().machine
+        and _process_start(process.process) != process.started
     )
 
 
-def _started(process: int) -> str:
+def _process_start(process: int) -> str:
     """When a process of this system was started; empty if there is none that lives."""
     try:
         said = Path(f"/proc/{process}/stat").read_text("utf-8", "replace")

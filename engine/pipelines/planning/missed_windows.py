@@ -33,7 +33,7 @@ def find_missed_windows(problem: Problem, task: GroundTask) -> Iterator[Diagnost
         begin = earliest.begin_of(words.measured, thing)
         if isinstance(last, Number) and begin is not None and begin > last.value:
             fact = Function(words.window, (thing, first, last))
-            yield _missed(problem, fact, f"no plan can begin it before {begin}")
+            yield _missed_window(problem, fact, f"no plan can begin it before {begin}")
     for thing, last in dues:
         ends = [
             earliest.end_of(stage_atom(chain, len(chain.stages)))
@@ -42,7 +42,7 @@ def find_missed_windows(problem: Problem, task: GroundTask) -> Iterator[Diagnost
         ]
         end = max((each for each in ends if each is not None), default=0)
         if isinstance(last, Number) and end > last.value:
-            yield _missed(
+            yield _missed_window(
                 problem, Function(words.due, (thing, last)), f"its stages take until {end} at least"
             )
 
@@ -54,7 +54,7 @@ def _windows_too_short(problem: Problem, task: GroundTask) -> Iterator[Diagnosti
         yield Diagnostic(lag.breach.window.where, "K319", message, hint, warning=True)
 
 
-def _missed(problem: Problem, fact: Atom, why: str) -> Diagnostic:
+def _missed_window(problem: Problem, fact: Atom, why: str) -> Diagnostic:
     hint = "give it more time; times count from the start"
     return Diagnostic(
         place_of_fact(problem, fact), "K319", f"{fact} cannot be kept: {why}", hint, warning=True
@@ -100,7 +100,7 @@ class _Earliest:
         begins = (
             self._begin(each)
             for each in self.task.operators
-            if numbers & set(indices(_added(each)))
+            if numbers & set(indices(_added_atoms(each)))
         )
         return min((each for each in begins if each is not None), default=None)
 
@@ -137,13 +137,13 @@ class _Earliest:
     def _apply(self, operator: GroundOperator, queue: list[tuple[int, int]]) -> None:
         """Note when an operator makes its effects true, if that is sooner than known."""
         end = (self._begin(operator) or 0) + operator.duration
-        for atom in indices(_added(operator)):
+        for atom in indices(_added_atoms(operator)):
             if end < self.at.get(atom, end + 1):
                 self.at[atom] = end
                 heappush(queue, (end, atom))
 
 
-def _added(operator: GroundOperator) -> int:
+def _added_atoms(operator: GroundOperator) -> int:
     found = operator.adds
     for effect in operator.conditional:
         found |= effect.adds

@@ -16,12 +16,14 @@ def find_taken_places(problem: Problem, plan: Plan) -> Iterator[Diagnostic]:
     """A warning for each thing that nobody named and that a plan takes away from where a goal
     puts another one.
     """
-    wanted = [atom for atom in _wanted(problem) if len(atom.arguments) > 1 and is_ground(atom)]
+    wanted = [
+        atom for atom in _wanted_atoms(problem) if len(atom.arguments) > 1 and is_ground(atom)
+    ]
     if not wanted:
         return
     semantics = Semantics(problem)
     begin = semantics.initial()
-    named = {argument for atom in _wanted(problem) for argument in atom.arguments}
+    named = {argument for atom in _wanted_atoms(problem) for argument in atom.arguments}
     taken = list(_taken(wanted, named, begin))
     if not taken:  # the plan need not be replayed
         return
@@ -64,7 +66,7 @@ def _taken(
                 yield goal, fact, thing
 
 
-def _wanted(problem: Problem) -> Iterator[Atom]:
+def _wanted_atoms(problem: Problem) -> Iterator[Atom]:
     for part in goal_parts(problem.goal):
         if isinstance(part, Literal) and part.positive:
             yield part.atom

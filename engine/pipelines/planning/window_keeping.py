@@ -113,7 +113,7 @@ def why_not_given(problem: Problem, timetable: Timetable) -> Infeasible | GaveUp
     if impossible is not None:
         return GaveUp(f"no plan with both events keeps this window: {impossible.text(unit)}")
     return GaveUp(
-        f"no plan was found that keeps all times: {_named(hard, timetable.outside, unit)}"
+        f"no plan was found that keeps all times: {_name_breaches(hard, timetable.outside, unit)}"
     )
 
 
@@ -128,7 +128,7 @@ def with_prices(problem: Problem) -> Problem:
     return replace(problem, domain=replace(problem.domain, windows=()), windows=windows)
 
 
-def _named(hard: Sequence[WindowBreach], outside: Sequence[OffHours], unit: str) -> str:
+def _name_breaches(hard: Sequence[WindowBreach], outside: Sequence[OffHours], unit: str) -> str:
     said = [each.text(unit) for each in hard] + [each.text(unit) for each in outside]
     more = len(said) - MAX_NAMED_BREACHES
     named = "; ".join(said[:MAX_NAMED_BREACHES])

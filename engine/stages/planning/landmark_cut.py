@@ -64,7 +64,7 @@ class _Relaxed:
         """The relaxed task of one alternative of the goals."""
         true, reached = len(task.atoms) + 1, len(task.atoms)
         needs = [tuple(indices(each.preconditions)) or (true,) for each in task.operators]
-        adds = [tuple(indices(_added(each))) for each in task.operators]
+        adds = [tuple(indices(_added_atoms(each))) for each in task.operators]
         needs.append(tuple(indices(goal)) or (true,))
         adds.append((reached,))
         costs = [*(each.cost for each in task.operators), 0]
@@ -151,7 +151,7 @@ class _Relaxed:
         return own
 
 
-def _added(operator: GroundOperator) -> Bits:
+def _added_atoms(operator: GroundOperator) -> Bits:
     adds = operator.adds
     for effect in operator.conditional:
         adds |= effect.adds

@@ -121,7 +121,7 @@ class AfterStep:
         """What a step achieves that may start from then on: the time, the atom and the step."""
         step = self.task.operators[number]
         end = start + step.duration if start or self._excludes(step) else 0
-        return ((end, atom, number) for atom in indices(_added(step) & ~self._possible))
+        return ((end, atom, number) for atom in indices(_added_atoms(step) & ~self._possible))
 
     @property
     def _times(self) -> dict[int, int]:
@@ -132,7 +132,7 @@ class AfterStep:
         return self._solved[1]
 
 
-def _added(step: GroundOperator) -> Bits:
+def _added_atoms(step: GroundOperator) -> Bits:
     """All that a step may make true."""
     added = step.adds
     for effect in step.conditional:

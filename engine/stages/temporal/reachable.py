@@ -91,7 +91,7 @@ class _Program:
         yield _rule(start, [*types, *self._needs(action, index, early=True)])
         yield _rule(whole, [start, *self._needs(action, index, early=False)])
         for effect in action.effects:
-            if (atom := _added(effect)) is not None:
+            if (atom := _added_atom(effect)) is not None:
                 guards = [f"t_{p.type}({self._term(p.variable)})" for p in effect.parameters]
                 cause = start if effect.moment is Moment.START else whole
                 yield _rule(self._atom(atom), [cause, *guards])
@@ -133,7 +133,7 @@ def mutual_predicates(actions: Sequence[DurativeAction]) -> dict[int, set[str]]:
             if isinstance(part, Literal) and part.positive
         ]
         for effect in action.effects:
-            if effect.moment is Moment.START and (atom := _added(effect)) is not None:
+            if effect.moment is Moment.START and (atom := _added_atom(effect)) is not None:
                 graph.setdefault(atom.name, []).append(index)
     for targets in list(graph.values()):
         for vertex in targets:
@@ -145,7 +145,7 @@ def mutual_predicates(actions: Sequence[DurativeAction]) -> dict[int, set[str]]:
     return result
 
 
-def _added(effect: TimedEffect) -> Atom | None:
+def _added_atom(effect: TimedEffect) -> Atom | None:
     """The atom that an effect makes true."""
     change = effect.change
     return change.atom if isinstance(change, Literal) and change.positive else None

@@ -327,14 +327,14 @@ def _linear(program: Program) -> Linear | None:
             stack.append(({int(value): Fraction(1)}, Fraction(0)))
         else:
             two, one = stack.pop(), stack.pop()
-            joined = _joined(sign, one, two)
+            joined = _join_linear(sign, one, two)
             if joined is None:
                 return None
             stack.append(joined)
     return stack[0]
 
 
-def _joined(sign: int, one: Linear, two: Linear) -> Linear | None:
+def _join_linear(sign: int, one: Linear, two: Linear) -> Linear | None:
     if sign in (PLUS, MINUS):
         factor = Fraction(1 if sign == PLUS else -1)
         keys = {**one[0], **two[0]}

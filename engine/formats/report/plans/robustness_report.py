@@ -12,7 +12,7 @@ def robustness_lines(robust: RobustPlan, unit: str) -> Iterator[str]:
     """The answer for people."""
     if robust.learned:
         yield "Ranges learned from journals:"
-        yield from _listed(robust.learned)
+        yield from _list_lines(robust.learned)
     if robust.is_robust:
         yield from _policy_lines(robust, unit)
         return
@@ -20,12 +20,12 @@ def robustness_lines(robust: RobustPlan, unit: str) -> Iterator[str]:
         "Not robust: no policy keeps all windows whatever happens in the ranges. "
         f"These do not go together; {robust.lacks} {unit} are missing:"
     )
-    yield from _listed(robust.cycle)
+    yield from _list_lines(robust.cycle)
     yield from _relaxation_lines(robust, unit)
     if robust.chances:
         yield f"As it is, all windows are kept with a chance of {_percent(robust.kept)}:"
         by_chance = sorted(robust.chances, key=lambda chance: (chance.chance, chance.says))
-        yield from _listed([f"{c.says}: {_percent(c.chance)}" for c in by_chance])
+        yield from _list_lines([f"{c.says}: {_percent(c.chance)}" for c in by_chance])
 
 
 def _policy_lines(robust: RobustPlan, unit: str) -> Iterator[str]:
@@ -49,13 +49,15 @@ def _relaxation_lines(robust: RobustPlan, unit: str) -> Iterator[str]:
         yield "No wider window helps: the steps themselves do not fit."
     else:
         yield "The least that windows would have to be wider:"
-        yield from _listed([f"{window.says}: {window.by} {unit} more" for window in robust.widened])
+        yield from _list_lines(
+            [f"{window.says}: {window.by} {unit} more" for window in robust.widened]
+        )
     if robust.narrowed is not None:
         yield (
             "A policy exists within these ranges, which hold with a chance of "
             f"{_percent(robust.within)}; no narrower ranges cost less:"
         )
-        yield from _listed(
+        yield from _list_lines(
             [
                 f"{r.step} {r.operator}: {r.after[0]} to {r.after[1]} {unit}, "
                 f"not {r.before[0]} to {r.before[1]}"
@@ -64,7 +66,7 @@ def _relaxation_lines(robust: RobustPlan, unit: str) -> Iterator[str]:
         )
 
 
-def _listed(lines: "tuple[str, ...] | list[str]") -> Iterator[str]:
+def _list_lines(lines: "tuple[str, ...] | list[str]") -> Iterator[str]:
     yield from (f"  - {line}" for line in lines[:MAX_LINES])
     if len(lines) > MAX_LINES:
         yield f"  - and {len(lines) - MAX_LINES} more (--format json has all)"

@@ -151,7 +151,11 @@ def without_spares(
     )
     return [
         *(candidate for candidate in timed_ if isinstance(candidate, Timetable)),
-        *(_judged(problem, t, 0) for timetables_shared in shared for t in timetables_shared),
+        *(
+            _judge_timetable(problem, t, 0)
+            for timetables_shared in shared
+            for t in timetables_shared
+        ),
     ]
 
 
@@ -197,7 +201,7 @@ def time_plan(
     steps = TimedSteps(problem, task, plan, operators, goals, wishes)
     blocks = by_blocks(gate, steps, limits)
     if isinstance(blocks, Timetable):
-        blocks = _judged(problem, blocks, steps.bound)
+        blocks = _judge_timetable(problem, blocks, steps.bound)
         if blocks.keeps_all:
             return blocks
     note = NO_ERRANDS_IN_WINDOWS if isinstance(blocks, Timetable) else blocks
@@ -206,12 +210,12 @@ def time_plan(
     if best is None:
         best = _as_given(problem, plan, note, wishes, steps.bound)
     if isinstance(best, Timetable):
-        best = _judged(problem, best, steps.bound)
+        best = _judge_timetable(problem, best, steps.bound)
         return min([best, blocks], key=timetable_value) if isinstance(blocks, Timetable) else best
     return blocks if isinstance(blocks, Timetable) and blocks.keeps_hours else best
 
 
-def _judged(problem: Problem, timetable: Timetable, bound: int) -> Timetable:
+def _judge_timetable(problem: Problem, timetable: Timetable, bound: int) -> Timetable:
     """The timetable with the windows that it breaks. Where windows may join other steps in another
     order, nothing is proved but that no order ends before `bound`.
     """
@@ -292,7 +296,7 @@ def by_other_means(
     more = [step for steps, _ in other_plans for step in steps if step not in operators]
     steps = TimedSteps(problem, task, plans[0], operators, goals, wishes)
     chosen = steps.in_best_choice(gate, more, limits, bound)
-    return None if chosen is None else _judged(problem, chosen, bound)
+    return None if chosen is None else _judge_timetable(problem, chosen, bound)
 
 
 def _as_given(problem: Problem, plan: Plan, note: str, wishes: Wishes, bound: int = 0) -> Timetable:

@@ -117,7 +117,7 @@ class _Writer:
             for one, other in zip(kind.chains, self.chains[subject], strict=True)
         )
         for place, (act, start) in enumerate(zip(course.acts, course.starts, strict=True)):
-            names = own | _named(visits, place)
+            names = own | _name_places(visits, place)
             for stride, begin, _ in self.cell.edges[number][place][act.number].timed:
                 yield self._step(kind, number, stride, start + begin, item, names)
 
@@ -154,7 +154,7 @@ class _Writer:
         )
 
 
-def _named(visits: Iterable[Visit], place: int) -> dict[Term, Term]:
+def _name_places(visits: Iterable[Visit], place: int) -> dict[Term, Term]:
     """What the places of a route are called during an act."""
     found: dict[Term, Term] = {}
     for hold, named, got in visits:

@@ -165,7 +165,7 @@ class _Tests:
 
     def _note(self, test: Comparing, atom: int, relation: str) -> None:
         if test.sum.parts and relation != "!=":
-            self._known[atom] = _asked(test.sum, relation)
+            self._known[atom] = _asked_bounds(test.sum, relation)
 
     def asked(self, atom: int) -> tuple[Form, Bounds] | None:
         """The form that an atom is about, and the values that make it true; None for any other
@@ -174,7 +174,7 @@ class _Tests:
         return self._known.get(atom)
 
 
-def _asked(total: Linear, relation: str) -> tuple[Form, Bounds]:
+def _asked_bounds(total: Linear, relation: str) -> tuple[Form, Bounds]:
     """The form of a sum, and its values for which the sum compares with 0 as a relation says."""
     parts = sorted(total.parts, key=lambda part: part[0].number)
     common = math.gcd(*(factor for _, factor in parts))

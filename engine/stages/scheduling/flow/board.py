@@ -37,7 +37,7 @@ class Board:
         users = [USERS] * len(self.flow.calendars)
         self.taken = Taken([*self.flow.capacity.values(), *users])
         for name, calendar in self.flow.calendars.items():
-            for begin, end in _closed(calendar, self.flow.horizon):
+            for begin, end in _closed_spans(calendar, self.flow.horizon):
                 self.taken.add(self.number[name], begin, end, USERS)
         for number in range(len(self.flow.items)):
             self._stand(number, 1)
@@ -212,7 +212,7 @@ def _has_prices(route: Route) -> bool:
     return any(lag.price is not None for lag in route.lags)
 
 
-def _closed(calendar: TimeOfWork, horizon: int) -> Iterator[tuple[int, int]]:
+def _closed_spans(calendar: TimeOfWork, horizon: int) -> Iterator[tuple[int, int]]:
     """The times in which a calendar allows nothing; after a horizon that is for ever."""
     now = 0
     for first, last in calendar.open_spans(horizon):

@@ -351,10 +351,13 @@ def _load(flow: Flow, resource: str) -> float:
     """What items ask of a resource if acts that do not need it are not preferred; places are
     held until the next act.
     """
-    return sum(_asked(flow, n, resource) for n in range(len(flow.items))) / flow.capacity[resource]
+    return (
+        sum(_resource_work(flow, n, resource) for n in range(len(flow.items)))
+        / flow.capacity[resource]
+    )
 
 
-def _asked(flow: Flow, item: int, resource: str) -> float:
+def _resource_work(flow: Flow, item: int, resource: str) -> float:
     whole, held = 0.0, False
     for layer in flow.route(item).layers:
         asks: list[float] = []

@@ -43,7 +43,7 @@ def _term(at: Expression, read: Read) -> Term:
     if (value := written_number(at)) is not None:
         return rational(value)
     if isinstance(at, PddlWord):
-        return _named(at, read)
+        return _named_term(at, read)
     if at.head not in ARITHMETIC_SIGNS:
         return read(at)
     parts = [_term(part, read) for part in at.rest]
@@ -57,7 +57,7 @@ def _term(at: Expression, read: Read) -> Term:
     return first
 
 
-def _named(at: PddlWord, read: Read) -> Term:
+def _named_term(at: PddlWord, read: Read) -> Term:
     if at.text == "?duration":
         return DURATION
     if at.text == "#t":
