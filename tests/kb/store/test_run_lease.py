@@ -65,7 +65,7 @@ def test_of_a_process_of_this_machine_that_has_ended_nobody_waits(
 ) -> None:
     ended = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     identity = LEASE.own_identity()
-    identity = identity._replace(process=ended.pid, started=LEASE._started(ended.pid))
+    identity = identity._replace(process=ended.pid, started=LEASE._process_start(ended.pid))
     assert not is_gone(identity)
     with monkeypatch.context() as context:
         context.setattr(LEASE, "own_identity", lambda: identity)
