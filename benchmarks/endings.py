@@ -197,7 +197,7 @@ def _start(attempt: Attempt, target: str, way: str) -> None:
     streams: dict[str, object] = {
         "stdin": subprocess.DEVNULL,
         "stdout": subprocess.DEVNULL,
-        "stderr": (attempt.folder / "errors").open("wb"),
+        "stderr": subprocess.DEVNULL,
     }
     if way == "service":
         place = str(attempt.folder / "notify")
@@ -213,12 +213,15 @@ def _start(attempt: Attempt, target: str, way: str) -> None:
         words += ["--watch"] if attempt.chance.random() < 0.5 else []
     else:
         words = _command(attempt, target, way)
-    attempt.process = subprocess.Popen(
-        words,
-        env=surroundings,
-        start_new_session=True,
-        **streams,  # type: ignore[call-overload]
-    )
+    with (attempt.folder / "errors").open("wb") as errors:
+        if way != "terminal":
+            streams["stderr"] = errors
+        attempt.process = subprocess.Popen(
+            words,
+            env=surroundings,
+            start_new_session=True,
+            **streams,  # type: ignore[call-overload]
+        )
     if slave >= 0:
         os.close(slave)
         threading.Thread(target=_drain, args=(attempt,), daemon=True).start()
@@ -259,9 +262,10 @@ def try_way(problem: Problem, target: str, way: str, number: int, seed: int) -> 
         errors = (
             (attempt.folder / "errors").read_text("utf-8", "replace") if way != "terminal" else ""
         )
-        return f"exit {code}", _what_is_wrong(attempt, way, code, seconds) or (
-            "a traceback" if "Traceback" in errors else ""
-        )
+        wrong = _what_is_wrong(attempt, way, code, seconds)
+        if attempt.manager is not None:
+            attempt.manager.close()
+        return f"exit {code}", wrong or ("a traceback" if "Traceback" in errors else "")
 
 
 def _what_is_wrong(attempt: Attempt, way: str, code: int, seconds: float) -> str:

@@ -184,7 +184,7 @@ ARMS = map_of(
         {"q": list_of(is_number)},
         place=is_text,
         inside=is_flag,
-        straight=row_of(is_number, is_number, is_number),
+        straight=list_of(list_of(is_number)),
     )
 )
 BODIES = map_of(either(is_nothing, map_of(is_anything)))
