@@ -42,7 +42,11 @@ DEVICES = [
     "ultrasonic_tool",
     "washer",
 ]
-TOGETHER = [tuple(random.Random(seed).choices(DEVICES, k=2 + seed % 4)) for seed in range(12)]
+PLATES = ["incubator", "liquid_handler", "plate_reader", "sealer", "washer"]
+OTHERS = [device for device in DEVICES if device not in PLATES]
+TOGETHER = [tuple(random.Random(seed).choices(OTHERS, k=2 + seed % 4)) for seed in range(12)]
+TOGETHER += [(each, *random.Random(each).choices(OTHERS, k=2)) for each in PLATES]
+TOGETHER += [tuple(PLATES[1:])]  # an incubator has many shelves: its runs take long
 
 
 def answer(*arguments: object) -> tuple[int, dict[str, Any]]:
